@@ -18,6 +18,7 @@
 `jobs`           a job on files, whose fields are the options of its command
 `cloud_arrays`   Open3D point clouds and arrays
 `mesh_arrays`    Open3D triangle meshes and arrays
+`places`         places of the world as messages tell them
 `atomic_files`   files written whole or not at all
 `processes`      calls in other processes, of this machine and of others
 """

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from o3dleaf.core.checks.arrays import FloatArray, as_array, as_floats, require_finite, require_moderate
 from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.errors import DataWarning, InputError
+from o3dleaf.core.places import tell_place
 
 
 def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, columns: bool = False) -> FloatArray:
@@ -96,10 +97,10 @@ def warn_of_contradictions(points: FloatArray, values: FloatArray, *, stacklevel
     differs = np.any(rows[order] != rows[first], axis=1)
     places = np.unique(group[differs])
     if len(places):
-        where = ", ".join(f"{x:.6g}" for x in points[order[np.searchsorted(group, places[0])]])
+        where = tell_place(points[order[np.searchsorted(group, places[0])]], points)
         warnings.warn(
             f"values: points coincide and have different values at {len(places):,} place{'s' * (len(places) > 1)}, the "
-            f"first at ({where}); the fit goes through their means; give smoothing, or leave one point at each place",
+            f"first at {where}; the fit goes through their means; give smoothing, or leave one point at each place",
             DataWarning,
             stacklevel=stacklevel + 2,  # of this function, and of `checked`
         )

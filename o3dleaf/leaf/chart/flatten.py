@@ -7,10 +7,11 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices, mesh_arrays, triangle_areas
 from o3dleaf.core.parallel import single_threaded_blas
+from o3dleaf.core.places import tell_place
 from o3dleaf.leaf.chart.carry import carry
 from o3dleaf.leaf.chart.flattening.embedding import conformal_chart, convex_chart, relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.overlap import Overlap
-from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, place_of, require_sheet
+from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, require_sheet
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas, triangle_stretch
 from o3dleaf.leaf.chart.flattening.untangle import untangle
 from o3dleaf.surface.repair.simplify import simplify_mesh
@@ -133,4 +134,4 @@ def require_low_distortion(
 
 def _place(vertices: FloatArray, triangles: IntArray, triangle: int) -> str:
     """Return the middle of a triangle as text."""
-    return place_of(vertices[triangles[triangle]].mean(axis=0))
+    return tell_place(vertices[triangles[triangle]].mean(axis=0), vertices)

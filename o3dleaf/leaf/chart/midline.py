@@ -11,6 +11,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import single_threaded_blas
+from o3dleaf.core.places import tell_place
 from o3dleaf.leaf.chart.axis.ends import long_axis, slice_axis, symmetry_axis
 from o3dleaf.leaf.chart.axis.sections import (
     cut_across,
@@ -26,7 +27,7 @@ from o3dleaf.leaf.chart.axis.sections import (
 )
 from o3dleaf.leaf.chart.carry import carry
 from o3dleaf.leaf.chart.flattening.geodesics import Ways
-from o3dleaf.leaf.chart.flattening.sheet_shape import place_of, require_sheet, rim_first
+from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 
 STATIONS_PER_WIDTH = 8
@@ -239,7 +240,7 @@ def _from_base(
     else:
         first, second, why = _by_shape(margin, curve, float(ends[0][2]), float(ends[1][2]))
     turned = first > second
-    return (curve[::-1].copy() if turned else curve), f"{why}, at {place_of(ends[int(turned)])}"
+    return (curve[::-1].copy() if turned else curve), f"{why}, at {tell_place(ends[int(turned)], vertices)}"
 
 
 def _by_shape(margin: Any, curve: FloatArray, first: float, second: float) -> tuple[float, float, str]:

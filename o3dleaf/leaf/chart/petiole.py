@@ -7,9 +7,10 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
-from o3dleaf.leaf.chart.flattening.sheet_shape import place_of
 from o3dleaf.leaf.chart.stalk.junction import Junction, find_junction
+from o3dleaf.leaf.chart.stalk.lobes import is_one_of_several
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
 from o3dleaf.leaf.chart.stalk.sections import sections_along
 from o3dleaf.leaf.chart.stalk.stretches import find_stretch
@@ -47,18 +48,17 @@ class Petiole:
     junction: tuple[float, float, float]
 
     def __str__(self) -> str:
-        return (
-            f"petiole: {self.length:.3g} long and {self.width:.2g} wide, from {place_of(np.array(self.end))} "
-            f"to the blade at {place_of(np.array(self.junction))}"
-        )
+        ends = np.array([self.end, self.junction])
+        end, junction = (tell_place(place, ends) for place in ends)
+        return f"petiole: {self.length:.3g} long and {self.width:.2g} wide, from {end} to the blade at {junction}"
 
 
 def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Petiole | None]:
     """Return which (n,) points are not petiole, and the petiole or None.
 
     The leaf is cut into sections at equal distance from one of its ends; a petiole is a stretch of them that is
-    narrow against the widest, long against itself, and does not taper to the end as a tip does. It ends at the plane
-    across it from which on its sections widen.
+    narrow against the widest, long against itself, and does not taper to the end as a tip does; and no two other ends
+    of the leaf look like it, as lobes do. It ends at the plane across it from which on its sections widen.
 
     Parameters
     ----------
@@ -87,8 +87,11 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
         if junction is None or junction.width < RESOLVED * spacing:
             continue
         outside = junction.outside(points, each)
-        petiole = _measure(ways, outside[some[ways.rows]], distance, junction, end)
+        cut = outside[some[ways.rows]]
+        petiole = _measure(ways, cut, distance, junction, end)
         if petiole.area > LARGEST * np.pi * petiole.width * petiole.length:
+            continue
+        if is_one_of_several(ways, cut, distance, noise):
             continue
         if found is None or petiole.length / petiole.width > found.length / found.width:
             blade, found = ~outside, petiole

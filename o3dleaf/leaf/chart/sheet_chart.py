@@ -8,10 +8,11 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
 from o3dleaf.core.parallel import single_threaded_blas
+from o3dleaf.core.places import tell_place
 from o3dleaf.leaf.chart.carry import carry
 from o3dleaf.leaf.chart.flatten import OVERLAP, lay_flat, overlap_error
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
-from o3dleaf.leaf.chart.flattening.sheet_shape import place_of, require_sheet
+from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet
 from o3dleaf.leaf.chart.flattening.stretch import Stretch, stretch_quantiles
 from o3dleaf.leaf.chart.midline import Midline, find_midline, midline_through
 from o3dleaf.leaf.chart.turn import facing, turn_chart
@@ -137,6 +138,5 @@ def _single_layer(vertices: FloatArray, triangles: IntArray, flat: FloatArray) -
     if share <= OVERLAP:
         return kept, "single triangles that lay over others were left out of the chart"
     middle = area[~kept] @ vertices[triangles[~kept]].mean(axis=1) / area[~kept].sum()
-    return kept, (
-        f"{100 * share:.2g} % of the sheet was cut off about {place_of(middle)}: laid flat, it lies over the rest"
-    )
+    about = tell_place(middle, vertices)
+    return kept, f"{100 * share:.2g} % of the sheet was cut off about {about}: laid flat, it lies over the rest"

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.chart.carry import carry_chart
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
@@ -195,12 +196,12 @@ def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -
             raised, best, radius = STIFFER**raises, settled, np.inf if fold is None else fold.radius
         if fold is None:
             break
-    return best, (_said(first, raised, problem.spacing, left=fold is not None),)
+    return best, (_said(first, raised, problem, left=fold is not None),)
 
 
-def _said(bend: Bend, raised: float, spacing: float, *, left: bool) -> str:
+def _said(bend: Bend, raised: float, problem: SurfaceProblem, *, left: bool) -> str:
     """Return the line that says why there is more smoothing, and whether it was enough."""
-    place = " ".join(f"{x:.4g}" for x in bend.place)
+    place, spacing = tell_place(bend.place, problem.sites), problem.spacing
     why = f"around {place} the surface bent to a radius of {bend.radius:.2g}, where points are {spacing:.2g} apart"
     done = f"smoothing raised by {raised:g}" if raised > 1 else "smoothing kept, as more of it does not help"
     return f"{done}: {why}{'; some folds are left' if left else ''}"

@@ -11,11 +11,12 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.places import extent, tell_middle
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes, split_bow_ties
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.parting import other_layers
-from o3dleaf.leaf.sheet.pieces.leftovers import Leftovers, place_of, tell_averaging, tell_cuts
+from o3dleaf.leaf.sheet.pieces.leftovers import Leftovers, tell_averaging, tell_cuts
 from o3dleaf.leaf.sheet.pieces.necks import find_necks
 from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.scan_lines import without_scan_lines
@@ -166,7 +167,7 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet
     held = distance_to_mesh(vertices, triangles, sheets.points) <= OFF * spacing
     if held.sum() < FEWEST:
         raise ReconstructionError(
-            f"scan: only {held.sum()} of {len(held):,} points lie on one sheet, at {place_of(vertices)}; "
+            f"scan: only {held.sum()} of {len(held):,} points lie on one sheet, at {tell_middle(vertices, vertices)}; "
             "give the points of a leaf, closer together",
             _some(vertices),
         )
@@ -176,7 +177,7 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet
     passes = find_passes(scan[solved.rows], sheets)
     joined = len(passes.places) > 0 or bool((solved.width > solved.base).any())
     averaged = tell_averaging(scan[solved.rows], solved.width, solved.base, passes)
-    notes = averaged + slits + tell_cuts(sheets.cut, flaps)
+    notes = averaged + slits + tell_cuts(sheets.cut, flaps, scan)
     whole = spacing * float(np.sqrt(held.sum() / len(rows)))
     return OpenSheet(vertices, triangles, rows, whole, float(solved.width.max()) if joined else 0.0, notes)
 
@@ -188,7 +189,7 @@ def _opened(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntA
     slits = find_slits(vertices, triangles)
     if slits is None:
         raise ReconstructionError(
-            f"scan: its points close around a volume at {place_of(vertices)}, {np.ptp(vertices, axis=0).max():.3g} "
+            f"scan: its points close around a volume at {tell_middle(vertices, vertices)}, {extent(vertices):.3g} "
             "across, and no sheet is open there; give one side of the leaf",
             _some(vertices),
         )
@@ -200,8 +201,8 @@ def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
     cloud = OrientedCloud.of(scan[some])
     if cloud.surfels.scale.full:
         raise ReconstructionError(
-            f"scan: its {len(cloud):,} points at {place_of(cloud.points)} show no surface: they fill a volume or lie "
-            "along lines; give the points of a leaf, with less noise"
+            f"scan: its {len(cloud):,} points at {tell_middle(cloud.points, cloud.points)} show no surface: they fill "
+            "a volume or lie along lines; give the points of a leaf, with less noise"
         )
     spacing = cloud.spacing
     base = noise_width(cloud.noise, spacing)
@@ -273,14 +274,15 @@ def _refuse_layers(points: FloatArray, sheets: OpenSheets) -> None:
     passes = find_passes(points, sheets)
     places = np.concatenate([layers.places, passes.places])
     if len(places):
+        off = max(passes.apart, layers.need.max(initial=0.0))
         raise ReconstructionError(
-            f"scan: is no single sheet: at {len(places)} places, most around {place_of(places)}, another layer lies up "
-            f"to {max(passes.apart, layers.need.max(initial=0.0)):.3g} off; allow them to be averaged, or cut them out",
+            f"scan: is no single sheet: at {len(places)} places, most around {tell_middle(places, points)}, another "
+            f"layer lies up to {off:.3g} off; allow them to be averaged, or cut them out",
             places,
         )
     if len(sheets.cut):
         raise ReconstructionError(
-            f"scan: is no single sheet: parts far apart along it touch at {place_of(sheets.cut)}; allow points to be "
-            "averaged into one sheet, or cut them apart there",
+            f"scan: is no single sheet: parts far apart along it touch at {tell_middle(sheets.cut, points)}; allow "
+            "points to be averaged into one sheet, or cut them apart there",
             sheets.cut,
         )

@@ -199,7 +199,7 @@ class _Usable(NamedTuple):
         cut = met.nearness(self.cloud.points) < 1
         _require_enough(int(np.sum(~cut)), len(cut))
         kept, removed = self.cloud.take(~cut), self.cloud.removed._replace(cut=int(cut.sum()))
-        notes = self.cloud.notes + met.tell(int(cut.sum()))
+        notes = self.cloud.notes + met.tell(int(cut.sum()), self.cloud.points)
         kept = replace(kept, removed=removed, notes=notes, branchings=met)
         if len(kept.surfels.points) == len(kept):
             planes = fit_planes(kept.points, met.part(kept.points, kept.tree, kept.neighbors.row))

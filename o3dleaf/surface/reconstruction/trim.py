@@ -22,6 +22,7 @@ from o3dleaf.core.mesh_arrays import (
     require_triangles,
     triangle_areas,
 )
+from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
@@ -240,9 +241,8 @@ def _tell_of_lost(data: OrientedCloud, piece: IntArray, keep: BoolArray, vertice
         return
     names, counts = np.unique(piece[lost], return_counts=True)
     place = data.points[lost[piece[lost] == names[counts.argmax()]]].mean(axis=0)
-    where = " ".join(f"{x:.4g}" for x in place)
     text = (
         f"{len(lost):,} points have no surface: {len(names)} piece{'s' * (len(names) > 1)} of too few, the largest of "
     )
-    text += f"{counts.max()} at {where}"
+    text += f"{counts.max()} at {tell_place(place, data.points)}"
     journal.note(text) if journal.open_journal() else warnings.warn(text, CloudWarning, stacklevel=6)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 
 from o3dleaf import samples
 from o3dleaf.leaf.chart.petiole import find_petiole
@@ -120,6 +121,58 @@ def test_a_tip_is_no_petiole(tip, noise):
         kept, petiole = find_petiole(bent(flat, noise), noise)
         assert petiole is None
         assert kept.all()
+
+
+def spindle(length, width):
+    """A lobe from the origin along x, pointed at both ends."""
+    x = np.linspace(0, 1, 100)
+    half = width / 2 * (4 * x * (1 - x)) ** 0.8
+    return shapely.Polygon(np.concatenate([np.stack([length * x, half], 1), np.stack([length * x, -half], 1)[::-1]]))
+
+
+def strap(length, width):
+    return shapely.box(0, -width / 2, length, width / 2)
+
+
+def spread(lobe, turns):
+    """A leaf of lobes that are turned about the origin, by degrees."""
+    lobes = [shapely.affinity.rotate(lobe, turn, origin=(0, 0)) for turn in turns]
+    return shapely.union_all([*lobes, shapely.Point(0, 0).buffer(5)])
+
+
+LOBED = {
+    "three straps": spread(strap(60, 6), (-60, 0, 60)),
+    "three spindles": spread(spindle(60, 7), (-50, 0, 50)),
+    "five straps": spread(strap(60, 5), (-110, -50, 0, 50, 110)),
+    "arrowhead": spread(spindle(50, 9), (-145, 145)).union(spindle(70, 30)),
+}
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("leaf", LOBED)
+def test_lobes_are_no_petiole(leaf, seed):
+    kept, petiole = find_petiole(bent(drawn(LOBED[leaf], 0.6, seed)))
+    assert petiole is None
+    assert kept.all()
+
+
+def test_the_petiole_of_a_palmate_leaf_is_found_beside_its_lobes():
+    leaf = bent(drawn(LOBED["three spindles"], 0.6))
+    rng = np.random.default_rng(3)
+    turn, down = rng.uniform([[0.0], [0.0]], [[2 * np.pi], [60.0]], (2, int(np.pi * 2.6 * 60 / 0.6**2)))
+    base, ahead = rolled(np.array([[-4.0, 0.0], [-3.0, 0.0]]))
+    ahead = ahead - base
+    side = np.cross(ahead, [0.0, 1.0, 0.3])
+    side /= np.linalg.norm(side)
+    tube = (
+        base
+        - np.outer(down, ahead)
+        + 1.3 * (np.outer(np.cos(turn), side) + np.outer(np.sin(turn), np.cross(ahead, side)))
+    )
+    kept, petiole = find_petiole(np.concatenate([leaf, tube]))
+    assert petiole.width == pytest.approx(2.6, rel=tol.JUNCTION_WIDTH)
+    assert np.mean(kept[: len(leaf)]) > 0.99
+    assert np.mean(kept[len(leaf) :]) < 0.05
 
 
 def heart(gap, spacing=0.7, width=3.0, length=40.0, depth=14.0):

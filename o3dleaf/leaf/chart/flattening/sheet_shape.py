@@ -5,6 +5,7 @@ import numpy as np
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, triangle_areas
+from o3dleaf.core.places import extent, tell_place
 from o3dleaf.leaf.chart.flattening.handles import shortest_handle
 from o3dleaf.surface.mesh.topology import (
     BoundaryRings,
@@ -16,7 +17,7 @@ from o3dleaf.surface.mesh.topology import (
     trace_rings,
 )
 
-__all__ = ["BoundaryRings", "largest_sheet", "place_of", "require_sheet", "rim_first"]
+__all__ = ["BoundaryRings", "largest_sheet", "require_sheet", "rim_first"]
 
 SHOWN = 200
 """Places that are marked of a whole surface at most: a picture shows no more."""
@@ -36,7 +37,7 @@ def require_sheet(vertices: FloatArray, triangles: IntArray) -> BoundaryRings:
     loops = find_holes(vertices, triangles, edges)
     if not len(loops.edges):
         raise ReconstructionError(
-            f"chart: the surface about {place_of(used.mean(axis=0))}, {np.ptp(used, axis=0).max():.3g} across, is "
+            f"chart: the surface about {tell_place(used.mean(axis=0), used)}, {extent(used):.3g} across, is "
             "closed and has no margin; a leaf's blade is one open sheet: give one side of it",
             used,
         )
@@ -47,8 +48,8 @@ def require_sheet(vertices: FloatArray, triangles: IntArray) -> BoundaryRings:
         around = np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).sum()
         raise ReconstructionError(
             f"chart: the sheet has {handles} handle(s), the smallest {around:.3g} around at "
-            f"{place_of(loop.mean(axis=0))}, where folds or scan passes touch, and cannot be laid flat; cut it there, "
-            "or give it as one sheet",
+            f"{tell_place(loop.mean(axis=0), used)}, where folds or scan passes touch, and cannot be laid flat; "
+            "cut it there, or give it as one sheet",
             loop,
         )
     return rings
@@ -83,11 +84,6 @@ def largest_sheet(vertices: FloatArray, triangles: IntArray, kept: BoolArray) ->
     return kept
 
 
-def place_of(point: FloatArray) -> str:
-    """Return a point of the world as text."""
-    return " ".join(f"{x:.4g}" for x in point)
-
-
 def _euler(triangles: IntArray, edges: EdgeTable) -> int:
     return len(np.unique(triangles)) - len(edges.ends) + len(triangles)
 
@@ -97,13 +93,13 @@ def _require_manifold(vertices: FloatArray, triangles: IntArray, edges: EdgeTabl
     if len(bad):
         raise ReconstructionError(
             f"chart: {len(bad)} edges join more than two triangles or two that face opposite ways, one of them at "
-            f"{place_of(vertices[edges.ends[bad[0]]].mean(axis=0))}; clean the mesh",
+            f"{tell_place(vertices[edges.ends[bad[0]]].mean(axis=0), vertices)}; clean the mesh",
             vertices[edges.ends[bad]].mean(axis=1),
         )
     twice = np.flatnonzero(fans_per_vertex(triangles, label_fans(triangles, edges), len(vertices)) > 1)
     if len(twice):
         raise ReconstructionError(
             f"chart: the sheet meets itself in {len(twice)} single points, one of them at "
-            f"{place_of(vertices[twice[0]])}; clean the mesh",
+            f"{tell_place(vertices[twice[0]], vertices)}; clean the mesh",
             vertices[twice],
         )

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.chart.stalk.sections import Sections
 
 NARROW = 0.25
@@ -12,6 +13,9 @@ SLENDER, SLENDER_NECK = 2.5, 4.0
 """Times its width that a stalk is long; and a neck with something wider outside it, a stub of the stem."""
 STEADY = 0.5
 """Width of its outer third over that of its inner third: 0.2 for a tip that tapers straight, 1 for a stalk."""
+BULGE = 0.75
+"""Width of its outer third over that of its middle third, at least: 0.6 for a lobe pointed at both ends or a spindle,
+1 for a stalk, more for one with a stub."""
 FLARE = 1.5
 """Times its median width that a stalk may be wide where the blade begins."""
 LARGEST_STUB = 0.25
@@ -41,13 +45,22 @@ def find_stretch(sections: Sections) -> StalkStretch | None:
         if outside > LARGEST_STUB * area[-1] or area[last - 1] > 0.5 * area[-1]:
             break
         usual = float(np.median(width[first:last]))
-        steady = np.flatnonzero(width[first:last] <= FLARE * usual)
-        stretch = width[first : first + int(steady[-1]) + 1]
+        unflared = np.flatnonzero(width[first:last] <= FLARE * usual)
+        stretch = width[first : first + int(unflared[-1]) + 1]
         length = len(stretch) * sections.step
-        third = max(1, len(stretch) // 3)
-        is_steady = bool(first) or stretch[:third].mean() >= STEADY * stretch[-third:].mean()
+        steady = bool(first) or _is_steady(stretch)
         slender = length >= (SLENDER_NECK if first else SLENDER) * usual
         deep = float(np.median(sections.depth[first : first + len(stretch)])) >= ROUND * usual
-        if is_steady and slender and length >= (LONG_IF_ROUND if deep else LONG) * widest:
+        if steady and slender and length >= (LONG_IF_ROUND if deep else LONG) * widest:
             return StalkStretch(first * sections.step, first * sections.step + length, usual)
     return None
+
+
+def _is_steady(width: FloatArray) -> bool:
+    """Return whether sections from an end on, widths (k,), do not taper towards it, as a tip or a lobe does."""
+    third = len(width) // 3
+    ends = max(1, third)
+    outer = float(width[:ends].mean())
+    tapers = outer < STEADY * width[-ends:].mean()
+    bulges = outer < BULGE * width[third : len(width) - third].mean()
+    return not (tapers or bulges)

@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.places import tell_middle, tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.widths import Passes
 from o3dleaf.surface.mesh.deviation import nearest_on_mesh
@@ -146,7 +147,7 @@ class Leftovers:
             how = f", {far:.3g} off the sheet" if close else f", {far:.3g} away"
             notes.append(f"left out: {kind}, {self._name(rows)}{how}")
             if branch is not None:
-                notes.append(f"3 sheets meet at {place_of(branch[np.newaxis])}")
+                notes.append(f"3 sheets meet at {tell_place(branch, self.scan)}")
         others = self.groups[SHOWN:]
         if others:
             count = sum(map(len, others))
@@ -155,7 +156,7 @@ class Leftovers:
 
     def _name(self, rows: IntArray) -> str:
         area = len(rows) * self.spacing**2
-        return f"{len(rows):,} points (area about {area:.3g}) at {place_of(self.scan[rows])}"
+        return f"{len(rows):,} points (area about {area:.3g}) at {tell_middle(self.scan[rows], self.scan)}"
 
 
 def _groups(scan: FloatArray, rows: IntArray, link: float) -> tuple[IntArray, ...]:
@@ -175,12 +176,6 @@ def _groups(scan: FloatArray, rows: IntArray, link: float) -> tuple[IntArray, ..
     return tuple(sorted(parts, key=lambda part: -len(part)))
 
 
-def place_of(points: FloatArray) -> str:
-    """Return the place of the point that is nearest to the median of some (k, 3), as a message names it."""
-    middle = points[np.linalg.norm(points - np.median(points, axis=0), axis=1).argmin()]
-    return " ".join(f"{x:.4g}" for x in middle)
-
-
 def tell_averaging(points: FloatArray, width: FloatArray, base: float, passes: Passes) -> tuple[str, ...]:
     """Return what is to be said of points (n, 3) averaged over a `width` (n,), wider than noise needs, `base`."""
     notes = []
@@ -189,23 +184,27 @@ def tell_averaging(points: FloatArray, width: FloatArray, base: float, passes: P
     if len(passes.places):
         notes.append(
             f"two layers {passes.apart:.3g} apart lie within the noise and were averaged to one: about "
-            f"{100 * passes.share:.2g} % of the points, around {place_of(passes.places)}"
+            f"{100 * passes.share:.2g} % of the points, around {tell_middle(passes.places, points)}"
         )
     wide = width > base
     if wide.any():
         share = 100 * wide.mean()
         notes.append(
             f"layers that face one way were averaged over up to {width.max():.3g} to be one sheet: "
-            f"{share:.2g} % of the points, around {place_of(points[width == width.max()])}"
+            f"{share:.2g} % of the points, around {tell_middle(points[width == width.max()], points)}"
         )
     return tuple(notes)
 
 
-def tell_cuts(cut: FloatArray, flaps: FloatArray) -> tuple[str, ...]:
-    """Return what is to be said of edges cut, middles (c, 3), and of the vertices (k, 3) of flaps cut off."""
+def tell_cuts(cut: FloatArray, flaps: FloatArray, scan: FloatArray) -> tuple[str, ...]:
+    """Return what is to be said of edges cut, middles (c, 3), and of vertices (k, 3) of flaps cut off, on a scan."""
     notes = []
     if len(cut):
-        notes.append(f"cut along {len(cut)} edges around {place_of(cut)}, where parts far apart along the sheet touch")
+        notes.append(
+            f"cut along {len(cut)} edges around {tell_middle(cut, scan)}, where parts far apart along the sheet touch"
+        )
     if len(flaps):
-        notes.append(f"cut off: {len(flaps):,} vertices of layers over the sheet, most around {place_of(flaps)}")
+        notes.append(
+            f"cut off: {len(flaps):,} vertices of layers over the sheet, most around {tell_middle(flaps, scan)}"
+        )
     return tuple(notes)

@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
-from o3dleaf.leaf.sheet.pieces.leftovers import place_of
+from o3dleaf.core.places import tell_middle, tell_place
 from o3dleaf.surface.mesh.topology import EdgeTable
 
 NARROW = 0.5
@@ -52,7 +52,8 @@ def find_necks(vertices: FloatArray, triangles: IntArray) -> Necks | None:
     depth = dijkstra(graph, indices=rim, min_only=True)
     thirds = np.repeat(triangle_areas(vertices, triangles) / 3, 3)
     area = np.asarray(np.bincount(triangles.ravel(), thirds, len(vertices)), np.float64)
-    label, necks = _parts(depth, RAGGED * float(np.median(length)), area, graph.indptr, graph.indices)
+    edge = float(np.median(length))
+    label, necks = _parts(depth, RAGGED * edge, area, graph.indptr, graph.indices)
     if not necks:
         return None
     # What is no deeper than the necks belongs to the part that is nearest along the sheet.
@@ -61,9 +62,12 @@ def find_necks(vertices: FloatArray, triangles: IntArray) -> Necks | None:
     label = np.where(nearest >= 0, label[nearest], label)
     names, part, sizes = _ranked(label, area)
     shown = "; ".join(
-        f"{size:.3g} at {place_of(vertices[part == name])}" for name, size in zip(names, sizes, strict=True)
+        f"{size:.3g} at {tell_middle(vertices[part == name], vertices)}"
+        for name, size in zip(names, sizes, strict=True)
     )
-    at = ", ".join(f"{2 * depth[place]:.2g} wide at {place_of(vertices[[place]])}" for place in necks)
+    # Where all vertices of a neck lie on its rim it is still as wide as an edge, as over a gap of the scan.
+    wide = np.maximum(2 * depth, edge)
+    at = ", ".join(f"{wide[place]:.2g} wide at {tell_place(vertices[place], vertices)}" for place in necks)
     return Necks(part, f"{len(names)} parts, areas about {shown}, hang together by {at}: `piece` takes one of them")
 
 

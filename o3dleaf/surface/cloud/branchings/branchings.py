@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.neighbors import IndexArray
 
@@ -98,14 +99,12 @@ class Branchings:
         parted[some] = np.take_along_axis(near, np.argsort(away, axis=1, kind="stable")[:, :wanted], axis=1)
         return parted
 
-    def tell(self, left_out: int) -> tuple[str, ...]:
+    def tell(self, left_out: int, cloud: FloatArray) -> tuple[str, ...]:
         """Return a line of text for each line of places: how many sheets meet, where, and how many points were cut."""
         lines = []
         for number in range(int(self.line.max()) + 1):
             on = self.line == number
-            places = self.places[on]
-            middle = places[np.linalg.norm(places - np.median(places, axis=0), axis=1).argmin()]
-            at = " ".join(f"{x:.4g}" for x in middle)
+            at = tell_middle(self.places[on], cloud)
             lines.append(f"{int(np.median(self.sheets[on]))} sheets meet at {at}")
         counted = f"cut there, {left_out:,} points left out"
         return (*lines[:-1], f"{lines[-1]}; {counted}")

@@ -11,6 +11,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, OrientationError
+from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.neighbors import nearest_neighbors
 from o3dleaf.surface.cloud.normals import on_seams
@@ -25,7 +26,7 @@ from o3dleaf.surface.cloud.orientation.sides import OPEN, OPEN_NOTE, Sides, find
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import MIN_POINTS, Surfels
 from o3dleaf.surface.cloud.winding.closed import close_anew
-from o3dleaf.surface.cloud.winding.consistency import place_of_most, settle_doubts, settle_sheets
+from o3dleaf.surface.cloud.winding.consistency import settle_doubts, settle_sheets
 
 COARSER = 8
 """Times that an open sheet whose normals contradict one another is thinned at most, from where it is flattest."""
@@ -198,11 +199,11 @@ def _orient_apart(points: FloatArray, surfels: Surfels, sides: Sides) -> Orienta
             normals = np.zeros_like(points)
             normals[~cut], notes = split_sheets(middle_of(rest, surfels, sides.normals), _notes(surfels, sides))
             normals[cut] = normals[~cut][cKDTree(rest).query(points[cut])[1]]
-            note = CUT_NOTE.format(cut.sum(), 100 * cut.mean(), place_of_most(points[cut]))
+            note = CUT_NOTE.format(cut.sum(), 100 * cut.mean(), tell_middle(points[cut], points))
             return Orientation(normals, (*notes, note), cut)
     raise OrientationError(
         f"cloud: its normals contradict one another along lines throughout, as where sheets branch or touch, around "
-        f"{place_of_most(points[cut])}; cut the cloud there, or give normals"
+        f"{tell_middle(points[cut], points)}; cut the cloud there, or give normals"
     )
 
 

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.places import tell_middle
 from o3dleaf.surface.cloud.normals import SEAM, find_opposed, longest_seam
 from o3dleaf.surface.cloud.surfels import DROWNED, Surfels
 from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
@@ -111,7 +112,7 @@ def settle_sheets(points: FloatArray, spacing: FloatArray, normals: FloatArray) 
 def uncertain_notes(points: FloatArray, found: Consistent) -> tuple[str, ...]:
     """Return the note on how many sides at `points` (n, 3) remain uncertain, and where, if that is worth a word."""
     share, some = found.uncertain.mean(), points[found.uncertain]
-    return (UNCERTAIN_NOTE.format(len(some), 100 * share, place_of_most(some)),) if share > UNCERTAIN else ()
+    return (UNCERTAIN_NOTE.format(len(some), 100 * share, tell_middle(some, points)),) if share > UNCERTAIN else ()
 
 
 def tears(surfels: Surfels, before: FloatArray, after: FloatArray) -> bool:
@@ -131,12 +132,6 @@ def tears(surfels: Surfels, before: FloatArray, after: FloatArray) -> bool:
     unit = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), np.finfo(float).tiny)
     old, new = (longest_seam(surfels.points, each, surfels.rows, sheet) for each in (before, unit))
     return new > max(old, SEAM)
-
-
-def place_of_most(points: FloatArray) -> str:
-    """Return the place of the point that is nearest to the median of some (k, 3), as a message names it."""
-    middle = points[np.linalg.norm(points - np.median(points, axis=0), axis=1).argmin()]
-    return " ".join(f"{x:.4g}" for x in middle)
 
 
 def make_consistent(
