@@ -1,7 +1,7 @@
 """The margin: the closed curve in the chart where the leaf ends, with its holes."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from o3dleaf.leaf.blade.outline_area import in_polygon
 from o3dleaf.leaf.margin.edge.edge_fit import fit_edge
 from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample
 from o3dleaf.leaf.margin.edge.edge_noise import with_edge_noise
+from o3dleaf.leaf.margin.hole import Hole
 from o3dleaf.leaf.margin.margin_curve import (
     CREASE_WIDTH,
     STEP,
@@ -43,30 +44,6 @@ ROOM = 1.05
 """Times the width of a hole that is named to fill it: more than a figure of three digits is rounded by."""
 TOLD = 0.002
 """Share of the points that may lie outside without a note."""
-
-
-@dataclass(frozen=True)
-class Hole:
-    """A hole of the leaf: a gap that is larger than the sample's own.
-
-    Attributes
-    ----------
-    place : (2,) ndarray
-        Its centroid in the chart.
-    area, width : float
-        Its area, and the diameter of the largest disc in it.
-    filled : bool
-        Whether it was filled on request.
-    """
-
-    place: FloatArray
-    area: float
-    width: float
-    filled: bool
-
-    def __str__(self) -> str:
-        fate = "filled" if self.filled else "kept"
-        return f"hole of {self.width:.3g} across at u {self.place[0]:.4g}, v {self.place[1]:.4g}: {fate}"
 
 
 @checked
@@ -155,7 +132,7 @@ class Margin:
         local = Spacing(cKDTree(region.points), np.maximum(region.spacing, least))
         limit = region.widest if given is None else given
         outer, *inner = _rings(region, local, as_number(noise, "noise"))
-        holes = [_hole(ring, limit) for ring in inner]
+        holes = [Hole.of(ring, limit) for ring in inner]
         order = sorted(range(len(holes)), key=lambda i: -holes[i].area)
         polygon = shapely.Polygon(outer)
         for i in order:
@@ -282,12 +259,6 @@ def carry_margin(margin: Margin, carry: Callable[[FloatArray], FloatArray]) -> M
     ring, *hole_rings = (carry(ring) for ring in (margin.ring, *margin.hole_rings))
     state = margin.state() | {"holes": holes, "ring": ring, "hole_rings": tuple(hole_rings)}
     return Margin(**state | {"points": carry(margin.points)})
-
-
-def _hole(ring: FloatArray, limit: float) -> Hole:
-    polygon = shapely.Polygon(ring)
-    width = 2 * float(shapely.maximum_inscribed_circle(polygon).length)
-    return Hole(shapely.get_coordinates(polygon.centroid)[0], float(polygon.area), width, width <= limit)
 
 
 def _notes(region: SampleRegion, holes: list[Hole]) -> tuple[str, ...]:
