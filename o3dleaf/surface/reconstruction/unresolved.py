@@ -109,17 +109,18 @@ def doubts(vertices: FloatArray, triangles: IntArray, data: OrientedCloud) -> li
     said = []
     lost = np.flatnonzero(find_lost(vertices, data))
     if len(lost):
-        said.append(f"{len(lost):,} points have no surface within their spacing, one of them {_place(data, lost[:1])}")
+        said.append(f"{len(lost):,} points have no surface within their spacing, one of them {_place(data, lost[0])}")
     curvature = np.abs(find_unresolved(vertices, triangles, data))
-    count = np.count_nonzero(curvature)
+    count = int(np.count_nonzero(curvature))
     if count:
         said.append(
-            f"around {count:,} points the surface has a hole, a bridge or a break that fewer than {NEIGHBORS} points "
-            f"show, most of all {_place(data, curvature.argmax())}: parts may be joined or torn there"
+            f"the surface has a hole, a bridge or a break that fewer than {NEIGHBORS} points show, most of all "
+            f"{_place(data, curvature.argmax())} ({count:,} point{'s' * (count > 1)} in all): parts may be joined or "
+            "torn there"
         )
     return said
 
 
-def _place(data: OrientedCloud, row: IntArray | np.intp) -> str:
+def _place(data: OrientedCloud, row: np.intp) -> str:
     """Return where a point is, in words."""
-    return "at " + " ".join(f"{x:.4g}" for x in data.points[row].reshape(3))
+    return "at " + " ".join(f"{x:.4g}" for x in data.points[row])
