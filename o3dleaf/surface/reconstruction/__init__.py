@@ -9,6 +9,7 @@
 `overshoots`            where a surface runs on past data that close around it
 `closing`               a surface followed, its field corrected at overshoots; closed or open, and why
 `trim`                  the surface cut off where it goes on past its data
+`unresolved`            handles, breaks and losses where data are too few for them
 `vertex_support`        sampling density and residual at each vertex
 `attributes`            the cloud's colors and scalars at the vertices
 `finish`                normals, colors and support put on the mesh

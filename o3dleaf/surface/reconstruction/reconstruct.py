@@ -36,6 +36,7 @@ from o3dleaf.surface.reconstruction.finish import AUTO, SHOWN, field_normals, fi
 from o3dleaf.surface.reconstruction.fit import Constrain, fit_surface, surface_data
 from o3dleaf.surface.reconstruction.overshoots import Surroundings
 from o3dleaf.surface.reconstruction.trim import drop_unsupported, trim_to_data
+from o3dleaf.surface.reconstruction.unresolved import doubts
 from o3dleaf.surface.reconstruction.vertex_support import MEASURES, vertex_support
 
 Mesh = o3d.geometry.TriangleMesh
@@ -227,6 +228,7 @@ def _trimmed(
             mesh = trim(followed.mesh, cloud) if trim else followed.mesh
         with comparing:
             inverted = find_inverted_regions(mesh, cloud).mean()
+            doubtful = doubts(*mesh_arrays(mesh), cloud)
     if around and trim:
         decision, surprising = verdict(followed, around, mesh)
         decisions.append(decision) if surprising else journal.note(decision)
@@ -235,7 +237,7 @@ def _trimmed(
             f"{100 * inverted:.2g} % of the surface faces away from all data near it: it joins sheets that face "
             "the same way and lie close together, such as two scans of one sheet that do not fit"
         )
-    return mesh, decisions
+    return mesh, decisions + doubtful
 
 
 def _carry(

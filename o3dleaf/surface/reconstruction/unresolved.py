@@ -1,0 +1,123 @@
+"""Where data are too few for the surface made of them: handles and breaks within a few points, and points without it.
+
+By Gauss and Bonnet what a surface bends, its curvature summed over it, is 2π (V − E + F): each handle, be it a hole
+through a sheet or a bridge between two, has −4π, and the two tips that a part torn in two ends in have +4π. Where the
+sampling resolves a shape that is spread over many points; within the neighborhood of one it is there by chance.
+"""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.parallel import blocks
+from o3dleaf.core.places import tell_place
+from o3dleaf.core.trees import query
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.reconstruction.proximity import nearest_data
+
+NEIGHBORS = 16
+"""Points of a neighborhood, as wherever a cloud's planes are fitted."""
+
+UNRESOLVED = 3 * np.pi
+"""Curvature of a neighborhood that no part of a shape has: one tip has 2π, half a torus's inside −2π, a handle −4π."""
+
+NOISE = 3.0
+"""Standard deviations of the data off the surface that do not count."""
+
+BATCH_SIZE = 1 << 16
+"""Triangles whose angles are found together."""
+
+
+def find_unresolved(vertices: FloatArray, triangles: IntArray, data: OrientedCloud) -> FloatArray:
+    """Return (n,) the curvature of the surface around each point where it is that of a handle or a break, 0 elsewhere.
+
+    That is the sum over the point and its fifteen nearest, each with the vertices that it is nearest to.
+
+    Parameters
+    ----------
+    vertices, triangles : (m, 3), (k, 3) ndarrays
+    data : OrientedCloud
+        The n points that the surface was made of.
+    """
+    own = np.bincount(nearest_data(data, vertices)[1], angle_deficits(vertices, triangles), len(data))
+    total = np.zeros(len(data))
+    count = min(NEIGHBORS, len(data))
+    # A sum as large has a part of it in one of its terms, and the points that sum it are near that one.
+    seeds = np.flatnonzero(np.abs(own) >= UNRESOLVED / NEIGHBORS)
+    if len(seeds):
+        rows = np.unique(query(data.tree, data.points[seeds], np.arange(1, count + 1))[1])
+        total[rows] = own[query(data.tree, data.points[rows], np.arange(1, count + 1))[1]].sum(axis=1)
+    total[np.abs(total) < UNRESOLVED] = 0
+    return total
+
+
+def angle_deficits(vertices: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return (m,) 2π less the angles of the triangles at each vertex; 0 on a rim, where that is no curvature."""
+    count = len(vertices)
+    deficit, turn = np.zeros(count), np.zeros(count)
+    for i, j in blocks(len(triangles), BATCH_SIZE):
+        corner = triangles[i:j].ravel()
+        deficit -= np.bincount(corner, _angles(vertices[triangles[i:j]]).ravel(), count)
+        # Around a vertex inside the mesh each neighbor is the next one of a triangle once, and the one before once.
+        ahead, behind = (np.roll(triangles[i:j], shift, axis=1) for shift in (-1, 1))
+        turn += np.bincount(corner, (ahead - behind).ravel(), count)
+    inside = (turn == 0) & (deficit < 0)
+    return np.where(inside, 2 * np.pi + deficit, 0.0)
+
+
+def _angles(corners: FloatArray) -> FloatArray:
+    """Return the (n, 3) angles of triangles at their corners (n, 3, 3)."""
+    sides = np.roll(corners, -1, axis=1) - corners  # from each corner to the next
+    twice_area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)[:, np.newaxis]
+    angles: FloatArray = np.arctan2(twice_area, -np.einsum("ijk,ijk->ij", sides, np.roll(sides, 1, axis=1)))
+    return angles
+
+
+def find_lost(vertices: FloatArray, data: OrientedCloud) -> BoolArray:
+    """Return which points (n,) are left without surface, with most of those around them.
+
+    It has none where no vertex is within its spacing or three standard deviations of the noise.
+
+    Parameters
+    ----------
+    vertices : (m, 3) ndarray
+        Of a surface whose edges are shorter than the spacing.
+    data : OrientedCloud
+    """
+    reach = np.maximum(data.point_spacing, NOISE * data.noise if data.is_measurable else 0.0)
+    distance, nearest = nearest_data(data, vertices)
+    lost = np.ones(len(data), dtype=bool)
+    lost[nearest[distance <= reach[nearest]]] = False
+    rows = np.flatnonzero(lost)  # that no vertex is nearest to, as chance has it
+    tree = cKDTree(vertices, balanced_tree=False, compact_nodes=False)
+    lost[rows] = query(tree, data.points[rows])[0] > reach[rows]
+    rows = np.flatnonzero(lost)
+    around = query(data.tree, data.points[rows], np.arange(1, min(NEIGHBORS, len(data)) + 1))[1]
+    lost[rows] = lost[around].mean(axis=1) > 0.5
+    return lost
+
+
+def doubts(vertices: FloatArray, triangles: IntArray, data: OrientedCloud) -> list[str]:
+    """Return what is to be said of a surface where its data are too few, one line a reason, with number and place.
+
+    Parameters
+    ----------
+    vertices, triangles : (m, 3), (k, 3) ndarrays
+    data : OrientedCloud
+        What the surface was made of.
+    """
+    said = []
+    lost = np.flatnonzero(find_lost(vertices, data))
+    if len(lost):
+        place = tell_place(data.points[lost[0]], data.points)
+        said.append(f"{len(lost):,} points have no surface within their spacing, one of them at {place}")
+    curvature = np.abs(find_unresolved(vertices, triangles, data))
+    count = int(np.count_nonzero(curvature))
+    if count:
+        place = tell_place(data.points[curvature.argmax()], data.points)
+        said.append(
+            f"the surface has a hole, a bridge or a break that fewer than {NEIGHBORS} points show, most of all at "
+            f"{place} ({count:,} point{'s' * (count > 1)} in all): parts may be joined or torn there"
+        )
+    return said
