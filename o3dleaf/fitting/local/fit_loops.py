@@ -9,7 +9,7 @@ from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
 from o3dleaf.fitting.rbf.radial_loops import put
 from o3dleaf.fitting.rbf.shared_error_loops import shared_squares, solve_chosen, solve_shared, whitened
-from o3dleaf.fitting.rbf.shared_noise_loops import shared_noise
+from o3dleaf.fitting.rbf.shared_noise_loops import shared_noise, smoothing_bias
 from o3dleaf.fitting.rbf.spectrum_loops import decompose, held_out_squares, spectra
 from o3dleaf.fitting.rbf.tail import IntArray
 
@@ -101,7 +101,9 @@ def fit_balls(start, stop, data, balls, tail, power, smoothing, groups, share, f
         local, values = gather(data.points, data.values, rows, balls.centers[ball], radius)
         diagonal = smoothing[ball] / radius**power / data.weights[rows]
         exponents, noise = tail.exponents[: tail.terms[ball]], shared_noise(groups[rows], share)
-        write_ball(ball, first, local, solve_shared(local, values, exponents, power, diagonal, noise), fitted)
+        solved = solve_shared(local, values, exponents, power, diagonal, noise)
+        solved[1][0] += smoothing_bias(solved[0], diagonal, groups[rows] == rows, noise)
+        write_ball(ball, first, local, solved, fitted)
 
 
 @njit(nogil=True, cache=True)
@@ -118,6 +120,7 @@ def fit_choosing_balls(start, stop, data, balls, tail, power, groups, trials, ch
         solved, best = solve_chosen(
             local, values, roots, exponents, power, named, noise, scaled, trials.inverses, trials.usual
         )
+        solved[1][0] += smoothing_bias(solved[0], scaled[best] / data.weights[rows], groups[rows] == rows, noise)
         write_ball(ball, first, local, solved, fitted)
         chosen[ball] = trials.values[best]
 

@@ -146,7 +146,8 @@ class PUInterpolant(Blended):
         share : float
             The part of the variance of their errors that the points of a group have in common, from 0 to below 1. What
             is smoothed then is a group's mean more than its differences; and the errors by which "gcv" judges are
-            those of the measured points, over the slope that the fit leaves of the differences.
+            those of the measured points, over the slope that the fit leaves of the differences. What
+            a fit leaves of their values on average is taken off its ball, as far as it is not chance.
         normals : (n, d) array_like, optional
             Outward normals, of any length above 0, where the values are those of a surface; for fits that use them.
         local : optional

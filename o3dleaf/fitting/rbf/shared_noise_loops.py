@@ -104,6 +104,42 @@ def inverse(noise):
 
 
 @njit(nogil=True, cache=True)
+def smoothing_bias(weights, diagonal, measured, noise):
+    """Return what a fit is too low by at measured rows on average, 0 without a share, shrunk by what is chance.
+
+    Smoothing takes off what bends: between two sheets of a thin part the field is a ridge, and it is too high beside
+    it, on both. What it leaves of the values is D C λ, of which no sum over all rows shows it, as they are zero on
+    average; those off the surface have the contrary sign. The mean m of n rows with variance s² is multiplied with
+    max(0, 1 − s²/(n m²)), as James and Stein do.
+
+    Parameters
+    ----------
+    weights : (n,)
+        λ of the fit.
+    diagonal : (n,)
+        What smoothing has added to each row's diagonal, D.
+    measured : (n,) bool
+    noise : SharedNoise
+    """
+    if noise.share <= 0.0:
+        return 0.0
+    roots, inverted = np.sqrt(diagonal), inverse(noise)
+    residuals = roots * weights
+    whiten(inverted, residuals)
+    whiten(inverted, residuals)
+    count, total, squares = 0, 0.0, 0.0
+    for j in range(residuals.size):
+        if measured[j]:
+            residual = roots[j] * residuals[j]
+            count, total, squares = count + 1, total + residual, squares + residual * residual
+    if count < 2 or total == 0.0:
+        return 0.0
+    mean = total / count
+    variance = (squares - total * mean) / (count - 1)
+    return max(0.0, 1.0 - variance / (total * mean)) * mean
+
+
+@njit(nogil=True, cache=True)
 def whiten_rows(noise, matrix):
     """Multiply a matrix (n, q) with S, in place."""
     order, ends, shifts, apart, _ = noise

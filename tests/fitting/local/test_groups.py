@@ -211,6 +211,28 @@ def test_fit_and_diagnostics_where_errors_are_shared_are_those_of_a_dense_system
     assert field.diagnostics().leave_one_out[0] == pytest.approx(expected, rel=GROUPS_REFIT)
 
 
+@pytest.mark.parametrize("smoothing", ["fixed", "gcv-per-ball"])
+def test_what_smoothing_leaves_of_measured_values_on_average_is_taken_off_but_for_chance(smoothing):
+    """Two noisy sheets with their middle and sites outside: smoothing rounds the ridge between them off."""
+    rng, count = np.random.default_rng(5), 120
+    side = np.repeat([-1.0, 1.0], count // 2)
+    plane, height = rng.uniform(-1, 1, (count, 2)), 0.1 + 0.02 * rng.standard_normal(count)
+    heights = (side * height, 0 * side, side * (height + 0.2))
+    points = np.concatenate([np.column_stack([plane, each]) for each in heights])
+    values, groups = np.repeat([0.0, 0.1, -0.2], count), np.tile(np.arange(count), 3)
+    options = {"smoothing": 0.5 if smoothing == "fixed" else smoothing, "groups": groups, "share": 0.5}
+    field = PUInterpolant.fit(points, values, points_per_ball=400, **options)
+    amount = field.local.diagonals[0]
+    spread = amount * covariance(groups, 0.5, np.ones(len(points)))
+    _, known = shared_fit(points, values, polyharmonic(3, 3), 2, spread)
+    left = -known(points[:count])
+    chance = np.var(left, ddof=1) / (count * np.mean(left) ** 2)
+    places = rng.uniform(-0.9, 0.9, (50, 3)) * [1, 1, 0.1]
+    np.testing.assert_allclose(field(places), known(places) + (1 - chance) * left.mean(), rtol=0, atol=GROUPS_REFIT)
+    assert chance < 0.2
+    assert abs(field(points[:count]).mean()) < 0.3 * abs(left.mean())
+
+
 def test_places_that_are_off_make_a_field_flat_and_less_so_where_errors_are_known_to_be_shared():
     """A plane through values v of places that are off by σ has the slope Σ vᵀC⁻¹v/(Σ vᵀC⁻¹v + σ² Σ 1ᵀC⁻¹1)."""
     rng = np.random.default_rng(13)
