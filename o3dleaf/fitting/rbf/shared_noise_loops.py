@@ -105,12 +105,11 @@ def inverse(noise):
 
 @njit(nogil=True, cache=True)
 def smoothing_bias(weights, diagonal, measured, noise):
-    """Return what a fit is too low by at measured rows on average, 0 without a share, shrunk by what is chance.
+    """Return what a fit lacks at measured rows on average, less what is chance; 0 without a share.
 
-    Smoothing takes off what bends: between two sheets of a thin part the field is a ridge, and it is too high beside
-    it, on both. What it leaves of the values is D C λ, of which no sum over all rows shows it, as they are zero on
-    average; those off the surface have the contrary sign. The mean m of n rows with variance s² is multiplied with
-    max(0, 1 − s²/(n m²)), as James and Stein do.
+    Smoothing takes off what bends: between two sheets of a thin part the field is a ridge, and the rounded one is too
+    high on both. It leaves D^½ C D^½ λ of the values; as Σ λ = 0, rows off the surface make up for the measured ones.
+    The mean m of these n, of variance s², is multiplied with max(0, 1 − s²/(n m²)), as James and Stein do.
 
     Parameters
     ----------

@@ -111,7 +111,7 @@ def doubts(vertices: FloatArray, triangles: IntArray, data: OrientedCloud) -> li
     lost = np.flatnonzero(find_lost(vertices, data))
     if len(lost):
         place = tell_place(data.points[lost[0]], data.points)
-        said.append(f"{len(lost):,} points have no surface within their spacing, one of them at {place}")
+        said.append(f"{len(lost):,} points in all have no surface within their spacing, one of them at {place}")
     curvature = np.abs(find_unresolved(vertices, triangles, data))
     count = int(np.count_nonzero(curvature))
     if count:

@@ -108,7 +108,7 @@ def test_points_without_surface_are_found_where_those_around_have_none_either():
     stray = data.points.copy()
     stray[np.flatnonzero(~inner)[:5]] *= 0.8
     assert not find_lost(joined(*ball)[0], OrientedCloud.of(stray, data.normals)).any()
-    assert doubts(*ball[0], data)[0].startswith(f"{inner.sum():,} points have no surface")
+    assert doubts(*ball[0], data)[0].startswith(f"{inner.sum():,} points in all have no surface")
 
 
 def test_the_job_tells_of_sheets_that_few_points_hold_apart():

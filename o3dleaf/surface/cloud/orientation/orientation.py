@@ -19,6 +19,7 @@ from o3dleaf.surface.cloud.orientation.close_sheets import (
     TWO_CLEAR_SHEETS,
     TWO_SHEETS,
     TWO_SHEETS_NOTE,
+    Middle,
     middle_of,
     split_sheets,
 )
@@ -139,7 +140,8 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     first, *more = progress.split(*(coarser_scales + 1) * [1])
     with first:
         sides = find_sides(surfels)
-    if (close := _close_sheets(points, surfels, sides)) is not None:
+        middle = middle_of(points, surfels, sides.normals)
+    if (close := _close_sheets(points, surfels, sides, middle)) is not None:
         return close
     finest = surfels, sides
     for part in more:
@@ -149,9 +151,10 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
                 break
             surfels = coarser
             sides = find_sides(surfels)
+            middle = middle_of(points, surfels, sides.normals)
     if sides.contradictory:
         return _orient_apart(points, *finest)
-    found = Orientation(*split_sheets(middle_of(points, surfels, sides.normals), _notes(surfels, sides)))
+    found = Orientation(*split_sheets(middle, _notes(surfels, sides)))
     if TWO_SHEETS_NOTE in found.notes:
         return found
     if sides.enclosed < OPEN:
@@ -161,12 +164,11 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     return Orientation(normals, (*found.notes, *notes))
 
 
-def _close_sheets(points: FloatArray, surfels: Surfels, sides: Sides) -> Orientation | None:
+def _close_sheets(points: FloatArray, surfels: Surfels, sides: Sides, middle: Middle) -> Orientation | None:
     """Return the normals (n, 3) of two sheets that groups of points do not tell apart, or None where they show one.
 
     The wall of a vessel is such, though its middle encloses something, the hollow.
     """
-    middle = middle_of(points, surfels, sides.normals)
     if middle.excess < TWO_CLEAR_SHEETS and not sides.contradictory:
         found = Orientation(*split_sheets(middle, _notes(surfels, sides)))
         if sides.enclosed < OPEN:
