@@ -798,6 +798,12 @@ NOISE_OF_NEIGHBORS = 0.08
 """Noise and spacing of 600 points and more: found 0.06 at most, of a lens 12 spacings wide; the standard deviation
 about planes is 0.18 off at half a spacing."""
 
+PERIMETER_OF_CHORDS = 1e-5
+"""The root of a margin's length by chords, of half a spacing on a cylinder, against the arcs: found 4e-7."""
+
+ERRORS_OF_AREAS = (0.4, 1.6)
+"""Root mean square of twelve areas' errors over their deviations: found 0.7 to 0.9; chance moves it by a fifth."""
+
 SHARED_OF_WAVES = 0.35
 """What neighbors share of waves four spacings long: found 0.1 to 0.31 less than their root mean square, as neighbors
 lie a third of a spacing apart and points of much noise are far; without waves all of it is missing."""

@@ -16,7 +16,7 @@ from o3dleaf.core.units import measure_in_words
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.blade.distortion import Distortion
 from o3dleaf.leaf.blade.outline_area import places_inside
-from o3dleaf.leaf.fit_noise import local_noise, shared_residual
+from o3dleaf.leaf.fit_noise import area_deviation, local_noise, shared_residual
 from o3dleaf.leaf.fit_places import Place, find_places, tell_places
 
 FAR = 3.0
@@ -33,6 +33,8 @@ GAP = 3.0
 """Spacings to the nearest point beyond which a place is in a gap: a random scan leaves exp(−9π) of its area there."""
 MAX_GAPS = 0.01
 """Share of the blade in gaps above which it is told."""
+MAX_DEVIATION = 0.02
+"""Share of the area that its standard deviation exceeds where it is told: one leaf in three errs by more."""
 STRETCH = 0.05
 """Stretch of the texture above which it is told: below, it is less than what patches of one leaf differ by."""
 QUANTILES = (0.01, 0.99)
@@ -73,6 +75,8 @@ class FitQuality:
         The largest places of each.
     area : (2,) tuple of float
         Of the blade in the world and in its plane, in `unit` squared.
+    area_deviation : float
+        Standard deviation of the first by the chance of a random scan (`fit_noise.area_deviation`), in `unit` squared.
     along, across, stretch : (2,) tuples of float
         Length in the world of a unit length of the plane along the midrib, across it, and in its worst and best
         direction: 1 % of the area has less, and 1 % more.
@@ -97,6 +101,7 @@ class FitQuality:
     outside_places: tuple[Place, ...]
     gap_places: tuple[Place, ...]
     area: tuple[float, float]
+    area_deviation: float
     along: tuple[float, float]
     across: tuple[float, float]
     stretch: tuple[float, float]
@@ -148,6 +153,7 @@ class FitQuality:
             outside_places=find_places(points, is_outside, spacing),
             gap_places=find_places(world, in_gap, max(spacing, step)),
             area=(float(blade.outline.area * distortion.area.mean()), float(blade.outline.area)),
+            area_deviation=area_deviation(_perimeter(blade), spacing, noise),
             along=_range(distortion.along),
             across=_range(distortion.across),
             stretch=stretch,
@@ -188,6 +194,11 @@ class FitQuality:
                 f"{_percent(self.gaps)} of the blade is farther than {self._length(GAP * self.spacing)} from every "
                 f"point, {tell_places(self.gap_places)}"
             )
+        if self.area_deviation > MAX_DEVIATION * self.area[0]:
+            lines.append(
+                f"so few points know the area to {_percent(self.area_deviation / self.area[0])} only (one standard "
+                "deviation, if they lie at random)"
+            )
         if self.stretch[0] < 1 - STRETCH or self.stretch[1] > 1 + STRETCH:
             lines.append(
                 f"the texture is stretched: lengths on the blade are {_span(self.stretch)} of those in its plane, "
@@ -199,12 +210,13 @@ class FitQuality:
         """Return what was measured, a line each, for a terminal."""
         half, most, nearly, largest = map(self._length, self.residuals)
         world, flat = (measure_in_words(area, self.unit, power=2) for area in self.area)
+        deviation = measure_in_words(self.area_deviation, self.unit, digits=2, power=2)
         filled = sum(hole["filled"] for hole in self.holes)
         residuals = f"half below {half}, 95 % below {most}, 99 % below {nearly}, largest {largest}"
         holes = f"{len(self.holes) - filled} holes kept, {filled} filled"
         return [
             f"residuals: {residuals}; noise {self._length(self.noise)}",
-            f"blade: {world}, {flat} laid flat; {_percent(self.coverage)} covered by the scan; {holes}",
+            f"blade: {world} ± {deviation}, {flat} laid flat; {_percent(self.coverage)} covered by the scan; {holes}",
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -221,7 +233,7 @@ class FitQuality:
             "coverage": self.coverage,
             "gaps": {"share": self.gaps, "places": _listed(self.gap_places)},
             "holes": list(self.holes),
-            "area": {"blade": self.area[0], "chart": self.area[1]},
+            "area": {"blade": self.area[0], "chart": self.area[1], "deviation": self.area_deviation},
             "stretch": {"along": list(self.along), "across": list(self.across), "any": list(self.stretch)},
             "warnings": self.warnings,
         }
@@ -274,6 +286,12 @@ def _outside(blade: Blade, plane: FloatArray, slack: float) -> BoolArray:
     shapely.prepare(polygon)
     outside[outside] = ~shapely.dwithin(polygon, shapely.points(plane[outside]), slack)
     return outside
+
+
+def _perimeter(blade: Blade) -> float:
+    """Return the length of the margin in the world, with those of the holes that are kept."""
+    rings = (shapely.get_coordinates(ring) for ring in shapely.get_parts(shapely.get_rings(blade.outline.polygon)))
+    return float(sum(np.linalg.norm(np.diff(_on(blade, ring), axis=0), axis=1).sum() for ring in rings))
 
 
 def _range(values: FloatArray) -> tuple[float, float]:

@@ -9,7 +9,16 @@ from scipy.spatial.transform import Rotation
 
 from blade_fields import KnownHole, KnownOutline, RolledBlade
 from o3dleaf.leaf.fit_quality import FAR, LEAST_FAR, MAX_OUTSIDE, FitQuality
-from tolerances import MOVED_READ_OUT, NOISE_OF_NEIGHBORS, SHARE_OF_A_SAMPLE, SHARED_OF_WAVES, STRETCH_OF_A_LATTICE
+from o3dleaf.leaf.pipeline import create_blade
+from tolerances import (
+    ERRORS_OF_AREAS,
+    MOVED_READ_OUT,
+    NOISE_OF_NEIGHBORS,
+    PERIMETER_OF_CHORDS,
+    SHARE_OF_A_SAMPLE,
+    SHARED_OF_WAVES,
+    STRETCH_OF_A_LATTICE,
+)
 
 SPACING = 0.5
 BLADE = RolledBlade()
@@ -27,11 +36,11 @@ def raised(blade, points, places, chosen, height):
 def test_of_a_good_fit_nothing_is_told(noise, spacing):
     """Random points, to the margin and into the sharp tips, with normal errors along every axis."""
     quality = FitQuality.of(BLADE, BLADE.scan(spacing, noise)[0])
-    assert quality.warnings == []
+    assert [line for line in quality.warnings if "know the area" not in line] == []
     assert quality.noise == pytest.approx(noise * spacing, rel=NOISE_OF_NEIGHBORS, abs=1e-9)
     assert quality.spacing == pytest.approx(spacing, rel=NOISE_OF_NEIGHBORS)
     assert quality.outside <= MAX_OUTSIDE / 5
-    assert "good" in repr(quality)
+    assert "good" in repr(quality) or quality.warnings
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.2])
@@ -105,6 +114,33 @@ def test_stretch_is_that_of_the_surface(stretch):
     assert bool(quality.warnings) == (stretch != (1.0, 1.0))
 
 
+@pytest.mark.parametrize(("spacing", "noise", "told"), [(0.3, 0.0, False), (1.0, 0.0, False), (1.0, 0.5, True)])
+def test_the_area_is_known_as_well_as_its_margin(spacing, noise, told):
+    """√(P s² (s / 2 + σ)), with the holes' margins, in the world whatever the plane's stretch."""
+    hole = shapely.Point(40, 0).buffer(2, 64)
+    blade = RolledBlade(outline=KnownOutline(BLADE.outline.polygon - hole), stretch=(2.0, 2.0))
+    quality = FitQuality.of(blade, blade.scan(2 * spacing, noise)[0])
+    length = 2 * (BLADE.outline.polygon.length + hole.length)
+    known = np.sqrt(length * quality.spacing**2 * (quality.spacing / 2 + quality.noise))
+    assert quality.area_deviation == pytest.approx(known, rel=PERIMETER_OF_CHORDS)
+    assert any("know the area" in line for line in quality.warnings) == told
+
+
+def test_areas_of_random_scans_err_as_they_are_said_to():
+    """Of twelve scans of a flat ellipse the errors over their deviations are of the size of one."""
+    outline = shapely.Point(0, 0).buffer(1, 256)
+    outline = shapely.affinity.scale(outline, 30, 18)
+    errors = []
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        places = random.uniform(outline.bounds[:2], outline.bounds[2:], (600, 2))
+        points = np.pad(places[shapely.contains_xy(outline, *places.T)], ((0, 0), (0, 1)))
+        quality = FitQuality.of(create_blade(points, unit="mm"), points)
+        errors.append((quality.area[0] - outline.area) / quality.area_deviation)
+    least, most = ERRORS_OF_AREAS
+    assert least < np.sqrt(np.mean(np.square(errors))) < most
+
+
 def test_a_sheared_plane_is_stretched_along_its_diagonals():
     """Of x = u + s v, y = v the singular values are those of a 2 by 2 matrix."""
     shear = np.array([[1.0, 0.4, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
@@ -165,4 +201,4 @@ def test_a_scan_beside_the_blade_altogether_is_told():
     points, _ = BLADE.scan(SPACING)
     quality = FitQuality.of(BLADE, points + [200.0, 0, 0])
     assert (quality.outside, quality.gaps) == (1.0, 1.0)
-    assert len(quality.warnings) == 2
+    assert ["100 % of the" in line for line in quality.warnings[:2]] == [True, True]
