@@ -77,7 +77,7 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
     coarse = float(np.sqrt(np.median(ways.cells)))
     spacing = coarse * float(np.sqrt(len(some) / len(points)))
     own, reached = _nearest(points, some, ways)
-    for end in ways.far_ends():
+    for end in _ends(ways):
         distance = ways.from_point(end)
         stretch = find_stretch(sections_along(ways.points, ways.cells, distance, noise))
         if stretch is None or stretch.width < RESOLVED * coarse:
@@ -109,6 +109,17 @@ def _nearest(points: FloatArray, some: IntArray, ways: PointWays) -> tuple[IntAr
     row[ways.rows] = np.arange(len(ways.rows))
     own = row[nearest]
     return np.maximum(own, 0), own >= 0
+
+
+def _ends(ways: PointWays) -> list[int]:
+    """Return the ends at which a petiole may begin: the two farthest apart, and those about the middle of the leaf.
+
+    Beside lobes as long as it is the petiole is none of the two.
+    """
+    ends = list(ways.far_ends())
+    middle = int(np.argmin(np.maximum(*map(ways.from_point, ends))))
+    others = [end for end, _ in ways.ends_from(middle)]
+    return ends + [end for end in others if end not in ends]
 
 
 def _measure(ways: PointWays, outside: BoolArray, distance: FloatArray, junction: Junction, end: int) -> Petiole:
