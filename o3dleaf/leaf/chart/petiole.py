@@ -39,6 +39,8 @@ class Petiole:
         Of what was scanned of it, its stub included.
     end, junction : (3,) tuple of float
         Its outer end, and the middle of the section where the blade begins, in world coordinates.
+    along : (3,) tuple of float
+        Unit direction towards the blade there.
     """
 
     length: float
@@ -46,6 +48,15 @@ class Petiole:
     area: float
     end: tuple[float, float, float]
     junction: tuple[float, float, float]
+    along: tuple[float, float, float]
+
+    def may_hold(self, points: FloatArray) -> BoolArray:
+        """Return which of (n, 3) points lie where it was cut off: before the plane across it, and no farther than it.
+
+        A lobe of the blade that reaches back beside it lies there too.
+        """
+        off = points - np.array(self.junction)
+        return np.asarray((off @ np.array(self.along) < 0) & (np.linalg.norm(off, axis=1) <= self.length + self.width))
 
     def __str__(self) -> str:
         ends = np.array([self.end, self.junction])
@@ -128,4 +139,7 @@ def _measure(ways: PointWays, outside: BoolArray, distance: FloatArray, junction
     a, b, c = ways.points[end]
     length = junction.reach(ways.points, distance)
     area = float(ways.cells[outside].sum())
-    return Petiole(length, junction.width, area, (float(a), float(b), float(c)), (float(x), float(y), float(z)))
+    i, j, k = junction.along.tolist()
+    return Petiole(
+        length, junction.width, area, (float(a), float(b), float(c)), (float(x), float(y), float(z)), (i, j, k)
+    )

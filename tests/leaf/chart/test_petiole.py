@@ -175,6 +175,15 @@ def test_the_petiole_of_a_palmate_leaf_is_found_beside_its_lobes():
     assert np.mean(kept[len(leaf) :]) < 0.05
 
 
+def test_a_petiole_shorter_than_the_lobes_beside_it_is_found():
+    leaf = bent(drawn(LOBED["five straps"], 0.6))
+    base = shapely.affinity.translate(strap(45, 3), -45, 0)
+    stalk = drawn(base, 0.6, seed=4)
+    kept, petiole = find_petiole(np.concatenate([leaf, bent(stalk)]))
+    assert petiole is not None
+    assert np.mean(kept[: len(leaf)]) > 0.99
+
+
 def heart(gap, spacing=0.7, width=3.0, length=40.0, depth=14.0):
     """Return points of a blade whose lobes go down beside a round petiole, and those of that."""
     lobes = shapely.union_all([shapely.Point(x, 15 - depth).buffer(15) for x in (-15, 15)])

@@ -108,3 +108,14 @@ def test_noise_of_half_a_spacing_is_averaged():
     vertices = np.asarray(blade.extract_mesh(scan.spacing).vertices)
     distance = distance_to_mesh(*leaf.mesh(scan.spacing / 4), vertices)
     assert np.sqrt(np.mean(distance**2)) < LEFT * scan.noise
+
+
+def test_a_petiole_that_was_cut_off_does_not_lie_beside_the_blade():
+    scan = samples.scan_leaf(samples.leaf_shape("petiole"), spacing=0.9, noise=0.2, seed=2)
+    blade = build_parametric_blade(scan.points, None, "mm", BladeOptions())
+    assert blade.petiole is not None
+    assert FitQuality.of(blade, scan.points).outside <= MAX_OUTSIDE
+    # What lies beside it elsewhere is told as before.
+    far = scan.truth.lift([[40.0, 0.0]]) + [0, 40.0, 0] + np.random.default_rng(0).normal(0, 2, (200, 3))
+    quality = FitQuality.of(blade, np.concatenate([scan.points, far]))
+    assert quality.is_outside[-200:].sum() + quality.is_far[-200:].sum() == 200
