@@ -59,7 +59,7 @@ class FitQuality:
         Of the points from the blade, above it > 0: the residuals, in `unit`.
     is_far, is_outside : (n,) ndarrays of bool
         Whether a point lies farther off the blade than `limit`; beside it, beyond its margin or in a hole, by more
-        than a spacing and three noise deviations. No point is both.
+        than a spacing and three noise deviations. No point is both, and none that was cut off as petiole is either.
     noise, spacing, limit : float
         Standard deviation of the points about the blade, from what neighbors differ by; 1/√(points per area), the
         median over the blade; and `FAR` noise deviations, at least `LEAST_FAR` spacings; in `unit`.
@@ -133,9 +133,12 @@ class FitQuality:
         limit = max(FAR * noise, LEAST_FAR * spacing)
         is_outside = _outside(blade, plane, max(OUTSIDE * spacing, FAR * noise))
         is_far = (np.abs(distance) > limit) & ~is_outside
+        is_cut = _cut_off(blade, points) & (is_far | is_outside)
+        is_far, is_outside = is_far & ~is_cut, is_outside & ~is_cut
         in_gap = query(cKDTree(points), world)[0] > np.hypot(GAP * spacing, limit)
-        held = ~is_far & ~is_outside
-        kept = np.abs(distance[~is_outside]) if not is_outside.all() else np.abs(distance)
+        beside = is_outside | is_cut
+        held = ~is_far & ~beside
+        kept = np.abs(distance[~beside]) if not beside.all() else np.abs(distance)
         return cls(
             plane=plane,
             distance=distance,
@@ -292,6 +295,12 @@ def _perimeter(blade: Blade) -> float:
     """Return the length of the margin in the world, with those of the holes that are kept."""
     rings = (shapely.get_coordinates(ring) for ring in shapely.get_parts(shapely.get_rings(blade.outline.polygon)))
     return float(sum(np.linalg.norm(np.diff(_on(blade, ring), axis=0), axis=1).sum() for ring in rings))
+
+
+def _cut_off(blade: Blade, points: FloatArray) -> BoolArray:
+    """Return which of the (n, 3) points may be the petiole's that was cut off, if one was."""
+    petiole = getattr(blade, "petiole", None)
+    return np.zeros(len(points), dtype=bool) if petiole is None else petiole.may_hold(points)
 
 
 def _range(values: FloatArray) -> tuple[float, float]:

@@ -39,6 +39,8 @@ class Petiole:
         Of what was scanned of it, its stub included.
     end, junction : (3,) tuple of float
         Its outer end, and the middle of the section where the blade begins, in world coordinates.
+    along : (3,) tuple of float
+        Unit direction towards the blade there.
     """
 
     length: float
@@ -46,6 +48,15 @@ class Petiole:
     area: float
     end: tuple[float, float, float]
     junction: tuple[float, float, float]
+    along: tuple[float, float, float]
+
+    def may_hold(self, points: FloatArray) -> BoolArray:
+        """Return which of (n, 3) points lie where it was cut off: before the plane across it, and no farther than it.
+
+        A lobe of the blade that reaches back beside it lies there too.
+        """
+        off = points - np.array(self.junction)
+        return np.asarray((off @ np.array(self.along) < 0) & (np.linalg.norm(off, axis=1) <= self.length + self.width))
 
     def __str__(self) -> str:
         ends = np.array([self.end, self.junction])
@@ -77,7 +88,7 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
     coarse = float(np.sqrt(np.median(ways.cells)))
     spacing = coarse * float(np.sqrt(len(some) / len(points)))
     own, reached = _nearest(points, some, ways)
-    for end in ways.far_ends():
+    for end in _ends(ways):
         distance = ways.from_point(end)
         stretch = find_stretch(sections_along(ways.points, ways.cells, distance, noise))
         if stretch is None or stretch.width < RESOLVED * coarse:
@@ -111,10 +122,24 @@ def _nearest(points: FloatArray, some: IntArray, ways: PointWays) -> tuple[IntAr
     return np.maximum(own, 0), own >= 0
 
 
+def _ends(ways: PointWays) -> list[int]:
+    """Return the ends at which a petiole may begin: the two farthest apart, and those about the middle of the leaf.
+
+    Beside lobes as long as it is the petiole is none of the two.
+    """
+    ends = list(ways.far_ends())
+    middle = int(np.argmin(np.maximum(*map(ways.from_point, ends))))
+    others = [end for end, _ in ways.ends_from(middle)]
+    return ends + [end for end in others if end not in ends]
+
+
 def _measure(ways: PointWays, outside: BoolArray, distance: FloatArray, junction: Junction, end: int) -> Petiole:
     """Return the record of a petiole whose points, among those of the ways, are known."""
     x, y, z = junction.place
     a, b, c = ways.points[end]
     length = junction.reach(ways.points, distance)
     area = float(ways.cells[outside].sum())
-    return Petiole(length, junction.width, area, (float(a), float(b), float(c)), (float(x), float(y), float(z)))
+    i, j, k = junction.along.tolist()
+    return Petiole(
+        length, junction.width, area, (float(a), float(b), float(c)), (float(x), float(y), float(z)), (i, j, k)
+    )

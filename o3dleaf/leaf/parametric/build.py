@@ -14,7 +14,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.chart.flatten import require_low_distortion
-from o3dleaf.leaf.chart.petiole import find_petiole
+from o3dleaf.leaf.chart.petiole import Petiole, find_petiole
 from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
 from o3dleaf.leaf.fit_noise import local_noise
 from o3dleaf.leaf.margin.margin import Margin
@@ -103,15 +103,17 @@ def build_parametric_blade(
         surface, margin = relax_chart(fit.surface, margin, fit.problem.spacing)
     table = None if options.thickness is None else as_factors(options.thickness, "thickness")
     thickness = None if table is None else ThicknessMap(table, margin.bounds)
-    return ParametricBlade(surface, margin, rim_radius=options.rim_radius, notes=notes, thickness=thickness)
+    rim = options.rim_radius
+    return ParametricBlade(surface, margin, rim_radius=rim, notes=notes, thickness=thickness, petiole=petiole.cut)
 
 
 class _Parted(NamedTuple):
-    """What a petiole says of the blade: its base, the middle of the cut, and a line of the read-out."""
+    """What a petiole says of the blade: its base, the middle of the cut, a line of the read-out, and itself if cut."""
 
     base: FloatArray | None = None
     junction: FloatArray | None = None
     notes: tuple[str, ...] = ()
+    cut: Petiole | None = None
 
 
 def _piece_of(points: FloatArray, options: BladeOptions) -> FloatArray:
@@ -152,7 +154,7 @@ def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray
     end, junction = np.array(petiole.end), np.array(petiole.junction)
     if options.keep_petiole:
         return points, _Parted(end, None, (f"{petiole}: kept as part of the blade",))
-    return points[blade], _Parted(end, junction, (f"{petiole}: cut off",))
+    return points[blade], _Parted(end, junction, (f"{petiole}: cut off",), petiole)
 
 
 def _lay_flat(

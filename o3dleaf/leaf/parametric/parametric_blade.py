@@ -21,6 +21,7 @@ from o3dleaf.leaf.blade.blade import Blade, OpenEdges
 from o3dleaf.leaf.blade.distortion import radii_of
 from o3dleaf.leaf.blade.lifted import Lifted
 from o3dleaf.leaf.blade.outline_area import Outline, in_polygon
+from o3dleaf.leaf.chart.petiole import Petiole
 from o3dleaf.leaf.margin.sheet_mesh import triangulate
 from o3dleaf.leaf.margin.taper import Taper
 from o3dleaf.leaf.parametric import lift_loops
@@ -58,6 +59,8 @@ class ParametricBlade(Blade):
     notes : tuple of str
         What was found while it was built, and what does not hold, a line each.
     thickness : ThicknessMap or None
+    petiole : Petiole or None
+        What was cut off of the scan.
     """
 
     surface: ChartSurface
@@ -65,6 +68,7 @@ class ParametricBlade(Blade):
     rim_radius: Positive | None = None
     notes: tuple[str, ...] = ()
     thickness: ThicknessMap | None = None
+    petiole: Petiole | None = None
 
     open_edges: ClassVar[OpenEdges] = "cut"
 
@@ -83,9 +87,10 @@ class ParametricBlade(Blade):
         return self.surface.unit
 
     def state(self) -> dict[str, Any]:
-        """Return what the blade is made of, for `o3dleaf.io.model_file`; a map only where there is one."""
+        """Return what the blade is made of, for `o3dleaf.io.model_file`; what it may lack only where it is."""
         state = {name: getattr(self, name) for name in ("surface", "outline", "rim_radius", "notes")}
-        return state if self.thickness is None else state | {"thickness": self.thickness}
+        extras = {"thickness": self.thickness, "petiole": self.petiole}
+        return state | {name: extra for name, extra in extras.items() if extra is not None}
 
     @cached_property
     def taper(self) -> Thickness | None:

@@ -22,6 +22,7 @@ from o3dleaf.fitting.rbf.shaped.shaped_kernels import Shaped
 from o3dleaf.fitting.rbf.smoothing import Smoothing
 from o3dleaf.io.model_file import read_model, stored_class
 from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.leaf.chart.petiole import Petiole
 from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
@@ -63,6 +64,7 @@ CLASSES: dict[str, Callable[..., Any]] = {
         MultiscaleLeaf,
         ParametricBlade,
         PatchBlend,
+        Petiole,
         PUInterpolant,
         Polyharmonic,
         Quilt,

@@ -156,10 +156,12 @@ def test_lobes_are_no_petiole(leaf, seed):
     assert kept.all()
 
 
-def test_the_petiole_of_a_palmate_leaf_is_found_beside_its_lobes():
+@pytest.mark.parametrize("length", [40.0, 60.0])
+def test_the_petiole_of_a_palmate_leaf_is_found_beside_its_lobes(length):
+    """Also if it is none of the two ends that are farthest apart."""
     leaf = bent(drawn(LOBED["three spindles"], 0.6))
     rng = np.random.default_rng(3)
-    turn, down = rng.uniform([[0.0], [0.0]], [[2 * np.pi], [60.0]], (2, int(np.pi * 2.6 * 60 / 0.6**2)))
+    turn, down = rng.uniform([[0.0], [0.0]], [[2 * np.pi], [length]], (2, int(np.pi * 2.6 * length / 0.6**2)))
     base, ahead = rolled(np.array([[-4.0, 0.0], [-3.0, 0.0]]))
     ahead = ahead - base
     side = np.cross(ahead, [0.0, 1.0, 0.3])

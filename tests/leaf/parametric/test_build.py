@@ -10,6 +10,8 @@ import o3dleaf as o3l
 import tolerances as tol
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.leaf.blade.outline_area import places_inside
+from o3dleaf.leaf.fit_quality import MAX_OUTSIDE, FitQuality
+from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.parametric import build
 from o3dleaf.leaf.parametric.build import fit_noise
 from o3dleaf.leaf.parametric.fitted import ChartMesh
@@ -108,3 +110,14 @@ def test_noise_of_half_a_spacing_is_averaged():
     vertices = np.asarray(blade.extract_mesh(scan.spacing).vertices)
     distance = distance_to_mesh(*leaf.mesh(scan.spacing / 4), vertices)
     assert np.sqrt(np.mean(distance**2)) < LEFT * scan.noise
+
+
+def test_a_petiole_that_was_cut_off_does_not_lie_beside_the_blade():
+    scan = o3l.samples.scan_leaf(o3l.samples.leaf_shape("petiole"), spacing=0.9, noise=0.2, seed=2)
+    blade = build.build_parametric_blade(scan.points, None, "mm", BladeOptions())
+    assert blade.petiole is not None
+    assert FitQuality.of(blade, scan.points).outside <= MAX_OUTSIDE
+    # What lies beside it elsewhere is told as before.
+    far = scan.truth.lift([[40.0, 0.0]]) + [0, 40.0, 0] + np.random.default_rng(0).normal(0, 2, (200, 3))
+    quality = FitQuality.of(blade, np.concatenate([scan.points, far]))
+    assert quality.is_outside[-200:].sum() + quality.is_far[-200:].sum() == 200

@@ -8,6 +8,7 @@ import o3dleaf as o3l
 from chart_fields import LENGTH, WIDTH, curled, inner_places, surface_of, twisted
 from leaf_fields import texture
 from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.leaf.chart.petiole import Petiole
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.output.report.summary import summarize, warnings_of
@@ -155,15 +156,19 @@ def test_distances_and_projections_are_those_of_its_surface(leaf):
     assert np.array_equal(distance > 0, leaf(world) > 0) or np.array_equal(distance < 0, leaf(world) > 0)
 
 
+PETIOLE = Petiole(9.0, 2.0, 50.0, (-9.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+
+
 def test_it_is_written_read_and_remeshed(surface, leaf, tmp_path, flat):
     outline = Margin.fit(inner_places(1200), unit="mm")
-    saved = o3l.MultiscaleLeaf(leaf.texture, blade=ParametricBlade(surface, outline, 1.0, ("a note",)))
+    saved = o3l.MultiscaleLeaf(leaf.texture, blade=ParametricBlade(surface, outline, 1.0, ("a note",), None, PETIOLE))
     saved.save(tmp_path / "leaf.o3l")
     found = o3l.load(tmp_path / "leaf.o3l")
     world = leaf.blade.lift(flat)
     assert np.array_equal(found(world), saved(world))
     assert found.blade.notes == ("a note",)
     assert found.blade.rim_radius == 1.0
+    assert found.blade.petiole == PETIOLE
     leaf.write_mesh(tmp_path / "leaf.ply", 0.25, closed=True)
     written = o3l.read_mesh(tmp_path / "leaf.ply")
     assert o3l.mesh_report(getattr(written, "mesh", written)).watertight

@@ -12,10 +12,6 @@ from o3dleaf.leaf.chart.stalk.sections import sections_along
 OTHERS = 2
 """Ends that look like the stalk from which on it is a lobe itself: a palmate leaf has three and more. One is no sign:
 many a blade ends in a tip that is as narrow as its stalk for a while."""
-LOOKED_AT = 6
-"""Ends of a leaf that are looked at, the farthest first."""
-COMMON = 0.25
-"""Of its distance from the stalk, that an end has its way in common with those found before, at most."""
 OUTER = 0.5
 """Of the stalk's length, over which an end is compared with it."""
 WIDTHS, DEPTHS = 2.0, 0.25
@@ -54,19 +50,13 @@ def is_one_of_several(ways: PointWays, stalk: BoolArray, distance: FloatArray, n
     length = float(distance[stalk].max())
     own = _profile(ways, distance, length, noise)
     base = int(rest[distance[rest].argmin()])
-    away = ways.from_point(base)
-    alike, common = 0, np.where(stalk, np.inf, 0.0)
-    for _ in range(LOOKED_AT):
-        # The next end: the farthest point whose way is its own for most of its length.
-        free = np.where(common <= COMMON * away, away, 0.0)
-        end = int(free.argmax())
-        if free[end] < OUTER * length:
+    alike = 0
+    for end, away in ways.ends_from(base, stalk):
+        if away < OUTER * length:
             break
-        from_end = ways.from_point(end)
-        alike += _profile(ways, from_end, length, noise).resembles(own)
+        alike += _profile(ways, ways.from_point(end), length, noise).resembles(own)
         if alike >= OTHERS:
             return True
-        common = np.maximum(common, (away[end] + away - from_end) / 2)
     return False
 
 

@@ -1,18 +1,24 @@
 """Distances along a cloud of points, from neighbor to neighbor, and its far ends."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import scipy.sparse
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.trees import query
 
 NEIGHBORS = 16
 """Points that each is joined to: rows of a scanner four times as far apart as their points still hang together."""
 CELL = 6
 """Neighbor whose distance tells the area of a point's cell: π r²/6 has the right mean, whatever the pattern."""
+MOST_ENDS = 6
+"""Ends of a cloud that are looked at, the farthest first."""
+COMMON = 0.25
+"""Of its distance, that an end has its way in common with those found before, at most."""
 
 
 class PointWays:
@@ -52,3 +58,18 @@ class PointWays:
         start = int(np.argmax(np.linalg.norm(self.points - self.points.mean(axis=0), axis=1)))
         second = int(np.argmax(self.from_point(start)))
         return second, int(np.argmax(self.from_point(second)))
+
+    def ends_from(self, point: int, taken: BoolArray | None = None) -> Iterator[tuple[int, float]]:
+        """Yield ends of the cloud and their distances from a point, the farthest first.
+
+        The next one is the farthest point whose way is its own for most of its length; none among those `taken` (n,).
+        """
+        away = self.from_point(point)
+        common = np.zeros(len(away)) if taken is None else np.where(taken, np.inf, 0.0)
+        for _ in range(MOST_ENDS):
+            free = np.where(common <= COMMON * away, away, 0.0)
+            end = int(free.argmax())
+            if not free[end] > 0:
+                return
+            yield end, float(free[end])
+            common = np.maximum(common, (away[end] + away - self.from_point(end)) / 2)
