@@ -19,8 +19,7 @@ Composed, they are one implicit function of the whole leaf.
 `remeshing`       its surface as a projection target; its mesh remeshed
 `meshing`         `MeshPlan`: its surface as a mesh
 `fine_windows`    a mesh with finer windows
-`fit_noise`       the noise of a scan, by which a fit is judged
-`fit_places`      where a blade does not hold its scan
+`residuals`       a scan's points against a blade: their noise, their places
 `fit_quality`     `FitQuality`: what a blade holds of its scan and what it does not
 `folds`           where a blade bends too tightly for the micro-structure
 `multiscale`      `MultiscaleLeaf`: all of it together

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import shapely
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.arguments.checked import checked
@@ -16,8 +15,10 @@ from o3dleaf.core.units import measure_in_words
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.blade.distortion import Distortion
 from o3dleaf.leaf.blade.outline_area import places_inside
-from o3dleaf.leaf.fit_noise import area_deviation, local_noise, shared_residual
-from o3dleaf.leaf.fit_places import Place, find_places, tell_places
+from o3dleaf.leaf.residuals.known_area import area_deviation
+from o3dleaf.leaf.residuals.noise import local_noise, shared_residual
+from o3dleaf.leaf.residuals.off_blade import find_feet, find_outside, measure_spacing, points_on
+from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
 
 FAR = 3.0
 """Noise deviations beyond which a point is not held: of normal errors one in 370 lies there."""
@@ -41,10 +42,6 @@ QUANTILES = (0.01, 0.99)
 """Of the area, between which the stretch is measured."""
 SLACK = 2.0
 """Steps between the places at which a blade is measured that it may be nearer to a point than the nearest of them."""
-MOST_UNEVEN = 3.0
-"""Times the mean spacing that the median one is at most: of a scan that lies elsewhere it would be anything."""
-NEIGHBORS = 8
-"""Points in the disc whose area tells the spacing around a place; their number's median is a third less in it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +73,7 @@ class FitQuality:
     area : (2,) tuple of float
         Of the blade in the world and in its plane, in `unit` squared.
     area_deviation : float
-        Standard deviation of the first by the chance of a random scan (`fit_noise.area_deviation`), in `unit` squared.
+        Standard deviation of the first by the chance of a random scan (`area_deviation`), in `unit` squared.
     along, across, stretch : (2,) tuples of float
         Length in the world of a unit length of the plane along the midrib, across it, and in its worst and best
         direction: 1 % of the area has less, and 1 % more.
@@ -122,16 +119,14 @@ class FitQuality:
         points = points_of(scan, "scan", least=3)
         places = places_inside(blade.outline, SAMPLE_COUNT)
         distortion = blade.distortion(places)
-        world = _on(blade, places)
+        world = points_on(blade, places)
         stretch = _stretch(distortion)
         step = float(np.sqrt(blade.outline.area / len(places))) * stretch[1]
-        plane, distance, feet = _feet(blade, points, world, SLACK * step)
-        spacing, noise = (
-            _spacing(feet, world, distortion.area * blade.outline.area / len(places)),
-            local_noise(feet, distance),
-        )
+        plane, distance, feet = find_feet(blade, points, world, SLACK * step)
+        spacing = measure_spacing(feet, world, distortion.area * blade.outline.area / len(places))
+        noise = local_noise(feet, distance)
         limit = max(FAR * noise, LEAST_FAR * spacing)
-        is_outside = _outside(blade, plane, max(OUTSIDE * spacing, FAR * noise))
+        is_outside = find_outside(blade, plane, max(OUTSIDE * spacing, FAR * noise))
         is_far = (np.abs(distance) > limit) & ~is_outside
         is_cut = _cut_off(blade, points) & (is_far | is_outside)
         is_far, is_outside = is_far & ~is_cut, is_outside & ~is_cut
@@ -156,7 +151,7 @@ class FitQuality:
             outside_places=find_places(points, is_outside, spacing),
             gap_places=find_places(world, in_gap, max(spacing, step)),
             area=(float(blade.outline.area * distortion.area.mean()), float(blade.outline.area)),
-            area_deviation=area_deviation(_perimeter(blade), spacing, noise),
+            area_deviation=area_deviation(blade, spacing, noise),
             along=_range(distortion.along),
             across=_range(distortion.across),
             stretch=stretch,
@@ -245,58 +240,6 @@ class FitQuality:
         return measure_in_words(length, self.unit, digits=2)
 
 
-def _on(blade: Blade, plane: FloatArray) -> FloatArray:
-    """Return the points of a blade (n, 3) at (n, 2) places."""
-    return blade.lift(np.column_stack([plane, np.zeros(len(plane))]))
-
-
-def _feet(
-    blade: Blade, points: FloatArray, world: FloatArray, slack: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the (along, across) of points, their signed distances from the blade, and their feet in the world.
-
-    A height along a direction D is that far off along the normal N: times D · N, where the blade is straight. It is no
-    nearer than the nearest of the blade's points `world`, less `slack`.
-    """
-    flat = blade.flatten(points)
-    plane = flat[:, :2]
-    lifted = blade.lift_with_jacobian(np.column_stack([plane, np.zeros(len(plane))]))
-    first, second, direction = (lifted.columns[:, k] for k in range(3))
-    cross = np.cross(first, second)
-    size = np.linalg.norm(cross, axis=1)
-    known = size > 0
-    upright = np.ones(len(points))
-    upright[known] = np.abs(np.einsum("ni,ni->n", direction[known], cross[known])) / size[known]
-    nearest = query(cKDTree(world), points)[0] - slack
-    return plane, np.copysign(np.maximum(np.abs(flat[:, 2] * upright), nearest), flat[:, 2]), lifted.world
-
-
-def _spacing(feet: FloatArray, world: FloatArray, area: FloatArray) -> float:
-    """Return 1/√(points per area), the median over a blade with points `world` that stand for an `area` each."""
-    count = min(NEIGHBORS, len(feet))
-    radius = query(cKDTree(feet), world, k=[count])[0][:, 0]
-    order = np.argsort(radius, kind="stable")
-    share = np.cumsum(area[order])
-    middle = radius[order[np.searchsorted(share, share[-1] / 2)]]
-    mean = np.sqrt(share[-1] / len(feet))
-    return float(min(middle * np.sqrt(np.pi / (count - 1 / 3)), MOST_UNEVEN * mean))
-
-
-def _outside(blade: Blade, plane: FloatArray, slack: float) -> BoolArray:
-    """Return which of the (n, 2) places lie beside the blade by more than `slack`."""
-    outside = ~blade.outline.contains(plane)
-    polygon = blade.outline.polygon
-    shapely.prepare(polygon)
-    outside[outside] = ~shapely.dwithin(polygon, shapely.points(plane[outside]), slack)
-    return outside
-
-
-def _perimeter(blade: Blade) -> float:
-    """Return the length of the margin in the world, with those of the holes that are kept."""
-    rings = (shapely.get_coordinates(ring) for ring in shapely.get_parts(shapely.get_rings(blade.outline.polygon)))
-    return float(sum(np.linalg.norm(np.diff(_on(blade, ring), axis=0), axis=1).sum() for ring in rings))
-
-
 def _cut_off(blade: Blade, points: FloatArray) -> BoolArray:
     """Return which of the (n, 3) points may be the petiole's that was cut off, if one was."""
     petiole = getattr(blade, "petiole", None)
@@ -324,7 +267,7 @@ def _holes(blade: Blade) -> tuple[dict[str, Any], ...]:
     holes = getattr(blade.outline, "holes", ())
     if not holes:
         return ()
-    centers = _on(blade, np.array([hole.place for hole in holes])).tolist()
+    centers = points_on(blade, np.array([hole.place for hole in holes])).tolist()
     return tuple(
         {"place": center, "area": hole.area, "width": hole.width, "filled": hole.filled}
         for hole, center in zip(holes, centers, strict=True)

@@ -10,7 +10,7 @@ from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.units import measure_in_words
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.blade.outline_area import places_inside
-from o3dleaf.leaf.fit_places import Place, find_places, tell_places
+from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
 PLACES = 100_000

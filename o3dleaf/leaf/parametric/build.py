@@ -16,7 +16,6 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.chart.flatten import require_low_distortion
 from o3dleaf.leaf.chart.petiole import Petiole, find_petiole
 from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
-from o3dleaf.leaf.fit_noise import local_noise
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
@@ -25,6 +24,7 @@ from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface, relax_chart
 from o3dleaf.leaf.parametric.thickness import ThicknessMap, as_factors
 from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
+from o3dleaf.leaf.residuals.noise import local_noise
 from o3dleaf.leaf.sheet.holes import split_bow_ties
 from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet

@@ -15,13 +15,13 @@ from o3dleaf.core.parallel import get_num_threads, run_together
 from o3dleaf.core.units import measure_in_words
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.leaf.blade.blade import Blade
-from o3dleaf.leaf.fit_places import find_places, tell_places
 from o3dleaf.leaf.fit_quality import FitQuality
 from o3dleaf.leaf.folds import Folds
 from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.meshing import MeshPlan
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.residuals.places import find_places, tell_places
 from o3dleaf.leaf.texture.corners import KINDS
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.wang import WangField

@@ -1,4 +1,4 @@
-"""The noise of a scan about a blade, from what neighbors differ by, what their residuals share, and area's chance."""
+"""The noise of a scan about a blade, from what neighbors differ by, and what of their residuals they share."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -46,21 +46,6 @@ def shared_residual(feet: FloatArray, distance: FloatArray) -> float:
     """
     own, others = _beside(feet, distance, 1)
     return float(np.sqrt(max(float(np.mean(own * others)), 0.0)))
-
-
-def area_deviation(perimeter: float, spacing: float, noise: float) -> float:
-    """Return the standard deviation of the area inside the margin of a random scan, by the chance of its points.
-
-    σ_A = √(P s² (s / 2 + σ)) for a perimeter P, a spacing s = 1/√(points per area) and noise σ. A stretch of margin
-    of length ℓ is known from about ℓ / s points within a spacing of it, to s² / ℓ; stretches of two spacings, which a
-    margin follows each by itself, err independently. Noise along the surface makes the edge as much less sharp.
-
-    Parameters
-    ----------
-    perimeter, spacing, noise : float
-        In one unit.
-    """
-    return float(np.sqrt(perimeter * spacing**2 * (spacing / 2 + noise)))
 
 
 def _beside(feet: FloatArray, distance: FloatArray, neighbors: int) -> tuple[FloatArray, FloatArray]:
