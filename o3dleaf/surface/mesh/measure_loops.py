@@ -59,6 +59,24 @@ def share_areas(triangles, area, shared):
 
 
 @njit(nogil=True, cache=True)
+def sum_angles(vertices, triangles, angles, turn):
+    """Add the angles of triangles at their corners to the (n,) `angles`, and to `turn` each next corner less the last.
+
+    Around a vertex inside a mesh each neighbor is the next of a triangle once and the last once: its turn is 0.
+    """
+    for t in range(len(triangles)):
+        for k in range(3):
+            corner, ahead, behind = triangles[t, k], triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
+            a, b, c = vertices[corner], vertices[ahead], vertices[behind]
+            ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+            vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+            nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            twice = math.sqrt(nx * nx + ny * ny + nz * nz)
+            angles[corner] += math.atan2(twice, ux * vx + uy * vy + uz * vz)
+            turn[corner] += ahead - behind
+
+
+@njit(nogil=True, cache=True)
 def mark_used(triangles, is_used):
     """Mark the (n,) vertices that triangles use."""
     for t in range(len(triangles)):

@@ -10,10 +10,10 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.core.parallel import blocks
 from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.mesh.measure_loops import sum_angles
 from o3dleaf.surface.reconstruction.proximity import nearest_data
 
 NEIGHBORS = 16
@@ -24,9 +24,6 @@ UNRESOLVED = 3 * np.pi
 
 NOISE = 3.0
 """Standard deviations of the data off the surface that do not count."""
-
-BATCH_SIZE = 1 << 16
-"""Triangles whose angles are found together."""
 
 
 def find_unresolved(vertices: FloatArray, triangles: IntArray, data: OrientedCloud) -> FloatArray:
@@ -54,24 +51,10 @@ def find_unresolved(vertices: FloatArray, triangles: IntArray, data: OrientedClo
 
 def angle_deficits(vertices: FloatArray, triangles: IntArray) -> FloatArray:
     """Return (m,) 2π less the angles of the triangles at each vertex; 0 on a rim, where that is no curvature."""
-    count = len(vertices)
-    deficit, turn = np.zeros(count), np.zeros(count)
-    for i, j in blocks(len(triangles), BATCH_SIZE):
-        corner = triangles[i:j].ravel()
-        deficit -= np.bincount(corner, _angles(vertices[triangles[i:j]]).ravel(), count)
-        # Around a vertex inside the mesh each neighbor is the next one of a triangle once, and the one before once.
-        ahead, behind = (np.roll(triangles[i:j], shift, axis=1) for shift in (-1, 1))
-        turn += np.bincount(corner, (ahead - behind).ravel(), count)
-    inside = (turn == 0) & (deficit < 0)
-    return np.where(inside, 2 * np.pi + deficit, 0.0)
-
-
-def _angles(corners: FloatArray) -> FloatArray:
-    """Return the (n, 3) angles of triangles at their corners (n, 3, 3)."""
-    sides = np.roll(corners, -1, axis=1) - corners  # from each corner to the next
-    twice_area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)[:, np.newaxis]
-    angles: FloatArray = np.arctan2(twice_area, -np.einsum("ijk,ijk->ij", sides, np.roll(sides, 1, axis=1)))
-    return angles
+    angles, turn = np.zeros(len(vertices)), np.zeros(len(vertices), dtype=np.int64)
+    sum_angles(vertices, triangles, angles, turn)
+    inside = (turn == 0) & (angles > 0)
+    return np.where(inside, 2 * np.pi - angles, 0.0)
 
 
 def find_lost(vertices: FloatArray, data: OrientedCloud) -> BoolArray:
