@@ -1120,3 +1120,7 @@ not shifted onto what is seen."""
 
 BANDED_SOLUTION = 1e-12
 """Of systems of condition below 1e3 whose numbers are of size 1; a band that is off by one is off by 0.1."""
+
+SITES_TO_DATA = 0.45
+"""Spacings of the data, at least, between a site and the next one in a gap: the lattice is as fine as a half of it, and
+a tenth is for what a spacing means; 0.32 where the lattice is as fine as where the gap begins."""

@@ -127,14 +127,19 @@ class Surroundings:
         cells, seen, count = np.unique(start, axis=0), np.empty((0, 3), dtype=np.int64), 0
         while len(cells) and count < MAX_SITES:
             seen = np.concatenate([seen, cells])
-            wrong, found = self._judge(field, np.asarray(cells * pitch, dtype=np.float64), pitch)
+            wrong, found = self._judge(field, cells, pitch)
             yield found
             count += len(found.sites)
             around = np.unique((cells[wrong][:, np.newaxis] + STEPS).reshape(-1, 3), axis=0)
             cells = _without(around, seen)
 
-    def _judge(self, field: Field, places: FloatArray, pitch: float) -> tuple[IntArray, FreeSites]:
-        """Return which places (n, 3) a field is wrong about, and what is right there."""
+    def _judge(self, field: Field, cells: IntArray, pitch: float) -> tuple[IntArray, FreeSites]:
+        """Return which cells (n, 3) of a lattice a field is wrong about, and what is right there, as dense as the data.
+
+        Where a gap leads from close data to sparse ones, only every second, fourth, ... place of the lattice is a site:
+        a ball there, as wide as its data need, would have thousands of others.
+        """
+        places = np.asarray(cells * pitch, dtype=np.float64)
         around, nearest = data_around(self.data, places)
         ratio, distance = around / self.data.point_spacing[nearest], nearest_points(self.data.tree, places)[0]
         rows = np.flatnonzero((ratio > NEAREST) & (self.everywhere | (ratio < FARTHEST)))
@@ -143,7 +148,9 @@ class Surroundings:
         wrong = (np.sign(field(places[rows])) != np.sign(depth)) & self.decisive(depth) & (ratio[rows] < FARTHEST)
         if self.everywhere:
             wrong |= (np.abs(value) < BAND * pitch) & ~self.decisive(depth)
-        return rows[wrong], FreeSites(places[rows[wrong]], value[wrong])
+        coarser = np.exp2(np.floor(np.log2(self.data.point_spacing[nearest[rows]] / pitch)).clip(0)).astype(np.int64)
+        site = wrong & (cells[rows] % coarser[:, np.newaxis] == 0).all(axis=1)
+        return rows[wrong], FreeSites(places[rows[site]], value[site])
 
 
 NO_SITES = FreeSites(np.empty((0, 3)), np.empty(0))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from cloud_shapes import sphere
 from o3dleaf import OrientedCloud, create_from_point_cloud_rbfpu, fit_surface, mesh_report
@@ -10,7 +11,8 @@ from o3dleaf.core.journal import Journal
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.fitting.local.fitter import ScatteredData
 from o3dleaf.surface.reconstruction.fit import surface_data
-from tolerances import BOX_INDEPENDENCE, CLOSED_GAP
+from o3dleaf.surface.reconstruction.overshoots import Surroundings
+from tolerances import BOX_INDEPENDENCE, CLOSED_GAP, SITES_TO_DATA
 
 
 class Notes(Journal):
@@ -134,3 +136,19 @@ def test_more_points_change_the_balls_that_contain_them_alone(creases):
     np.testing.assert_array_equal(changed(asked[~reached]), field(asked[~reached]))
     assert not np.array_equal(changed(asked[reached]), field(asked[reached]))
     assert changed.cover.members.max() == len(known.points)
+
+
+def test_sites_in_a_gap_are_no_denser_than_the_data_around_it():
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(6000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    dense = points[:, 2] < -0.5
+    points = points[dense | (rng.random(len(points)) < 1 / 16)]  # spacings of one and four
+    cloud = OrientedCloud.of(points, points)
+    start = points[np.argmin(points[:, 2])][np.newaxis] * (1 - 2 * cloud.point_spacing.min())
+    sites = Surroundings(cloud).sites(lambda at: np.full(len(at), -1.0), start).sites
+    spacing = cloud.point_spacing[cloud.tree.query(sites)[1]]
+    nearest = cKDTree(sites).query(sites, k=2)[0][:, 1]
+    assert (spacing > 2 * spacing.min()).any()  # the gap leads from close data to sparse ones
+    sparse = spacing > 2 * spacing.min()
+    assert np.median(nearest[sparse] / spacing[sparse]) >= SITES_TO_DATA
