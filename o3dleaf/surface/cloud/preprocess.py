@@ -202,7 +202,8 @@ class _Usable(NamedTuple):
         notes = self.cloud.notes + met.tell(int(cut.sum()), self.cloud.points)
         kept = replace(kept, removed=removed, notes=notes, branchings=met)
         if len(kept.surfels.points) == len(kept):
-            planes = fit_planes(kept.points, met.part(kept.points, kept.tree, kept.neighbors.row))
+            near = np.ascontiguousarray(kept.neighbors.row[:, : kept.surfels.scale.neighbors])
+            planes = fit_planes(kept.points, met.part(kept.points, kept.tree, near))
             vars(kept)["surfels"] = replace(kept.surfels, planes=planes)
         return _Usable(kept, self.rows[~cut], None)
 

@@ -14,10 +14,19 @@ from o3dleaf import (
     set_num_threads,
 )
 from o3dleaf.core.errors import CloudWarning, InputError, OrientationError
-from o3dleaf.samples import fins
+from o3dleaf.samples import fins, fold
 from o3dleaf.surface.cloud.normals import find_opposed, repair_normals
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
-from tolerances import ALMOST_ALL, CUT_SHARE, GROUPS_ANGLE, HALF_WINDING, MOST_OF_THIN, MOST_OF_VESSEL, OPPOSED_LEFT
+from tolerances import (
+    ALMOST_ALL,
+    CUT_SHARE,
+    GROUPS_ANGLE,
+    HALF_WINDING,
+    MOST_OF_THIN,
+    MOST_OF_THIN_UNDER_NOISE,
+    MOST_OF_VESSEL,
+    OPPOSED_LEFT,
+)
 
 SHAPES = {"sphere": sphere, "torus": torus, "block": block, "slab": slab}
 
@@ -133,6 +142,15 @@ def test_sheets_closer_than_their_spacing_still_face_away_from_one_another(spaci
     cloud = preprocess_point_cloud(points[faces])
     assert right(cloud.normals, normals[faces]) >= ALMOST_ALL
     assert spacings > 1 or any("close together" in note for note in cloud.notes)
+
+
+@pytest.mark.parametrize(("solid", "seed"), [(fold, 1), (fold, 3), (fins, 5), (fins, 6)])
+def test_thin_parts_close_to_one_another_have_their_sides_under_noise(solid, seed):
+    """Two spacings thick, noise of 0.4, 0.5: neighborhoods reach other sheets, and groups do not show their sides."""
+    points, normals = solid().sample(10_000)
+    cloud = preprocess_point_cloud(noisy(points, 0.005, seed))
+    assert right(cloud.normals, normals) >= MOST_OF_THIN_UNDER_NOISE
+    assert not any("open sheet" in note for note in cloud.notes)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.0015])

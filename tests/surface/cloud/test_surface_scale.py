@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from o3dleaf import samples
-from o3dleaf.surface.cloud.neighbors import nearest_neighbors
-from o3dleaf.surface.cloud.surfels import FLAT, flatness_of, surface_scale
+from o3dleaf.surface.cloud.neighbors import NEIGHBORS, nearest_neighbors
+from o3dleaf.surface.cloud.surfels import FEW, FLAT, flatness_of, surface_scale
 
 
 def scale_of(points):
@@ -41,6 +41,21 @@ def test_thin_plates_are_told_from_a_volume_and_not_thinned(plates, noise):
     scale = scale_of(plates + noise * diagonal * np.random.default_rng(2).normal(size=plates.shape))
     assert not scale.full
     assert scale.thinning == 1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_planes_go_through_fewer_neighbors_where_the_others_lie_on_other_sheets(seed):
+    """A plate folded onto itself, 2.3 spacings thick and apart: under noise of 0.43 it looked like a volume."""
+    points = samples.fold().sample(10_000)[0]
+    sigma = 0.005 * np.linalg.norm(np.ptp(points, axis=0))
+    scale = scale_of(points + sigma * np.random.default_rng(seed).normal(size=points.shape))
+    assert (scale.full, scale.thinning, scale.neighbors) == (False, 1, FEW)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_planes_go_through_all_neighbors_where_noise_fills_them(seed):
+    sheet = np.random.default_rng(seed).uniform(size=(1500, 3)) * [1, 1, 0.04]  # a spacing and a half
+    assert scale_of(sheet).neighbors == NEIGHBORS
 
 
 @pytest.mark.parametrize("spacings", [0.0, 0.5, 1.0, 2.0, 4.0])
