@@ -20,7 +20,7 @@ FIRST, LAST, DEPTH = 22.0, 40.0, 3.0
 
 
 def outline(bend=0.0, bites=(), others=()):
-    """Return a leaf that tapers to both ends, its midrib a parabola, without boxes (start, stop, depth) of its halves."""
+    """Return a leaf that tapers to both ends, its midrib a parabola, without boxes (start, stop, depth) of both."""
     u = np.linspace(0, LENGTH, 400)
     half = HALF * np.sin(np.pi * (0.05 + 0.9 * u / LENGTH))
     left, right = half.copy(), half.copy()
@@ -96,7 +96,7 @@ def test_a_stretch_that_the_other_half_does_not_show_is_not_completed_and_the_no
     fit, notes = build._complete(None, alternating, 5.0)
     assert fit is None
     assert len(notes) == 2
-    assert all("elsewhere the halves differ by" in note and note.endswith("not completed") for note in notes)
+    assert all("the halves differ by" in note and note.endswith("not completed") for note in notes)
     assert build._tell_hidden(alternating, alternating.polygon.area) == ()
 
 
