@@ -9,7 +9,7 @@ import o3dleaf as o3l
 import tolerances as tol
 from o3dleaf.leaf.parametric import build
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
-from o3dleaf.leaf.parametric.mirror.halves import Halves, find_peaks
+from o3dleaf.leaf.parametric.mirror.halves import Halves, HiddenStretch, find_peaks
 from o3dleaf.leaf.parametric.mirror.images import mirror_points
 from o3dleaf.leaf.parametric.surface import ChartSurface
 
@@ -80,8 +80,15 @@ def test_a_stretch_along_which_halves_differ_no_more_than_elsewhere_is_not_compl
     waved = with_waves(share)
     _, stretches = waved.bridged(5.0)
     assert {each.side: each.shows_in(SPACING) for each in stretches} == shown
-    for each in stretches:
-        assert each.shows_in(SPACING) == (each.beyond > 3 * each.elsewhere and each.beyond > 1.5 * SPACING)
+    assert {each.side: each.beyond > 0 for each in stretches} == shown
+
+
+@pytest.mark.parametrize(
+    ("beyond", "elsewhere", "shown"), [(1.6, 0.5, True), (1.6, 0.6, False), (1.4, 0.1, False), (-2.0, 0.1, False)]
+)
+def test_what_shows_is_beyond_chance_and_beyond_what_halves_differ_elsewhere(beyond, elsewhere, shown):
+    stretch = HiddenStretch(FIRST, LAST, 1, DEPTH, DEPTH * (LAST - FIRST), beyond * SPACING, elsewhere * SPACING)
+    assert stretch.shows_in(SPACING) == shown
 
 
 def test_stretches_of_both_halves_count_as_differences_of_each_other():
