@@ -221,8 +221,8 @@ def _complete(fit: SurfaceFit, halves: Halves, length: float) -> tuple[SurfaceFi
         return fit, (f"no stretch of margin of at least {length:.4g} steps in and out again: nothing is completed",)
     shown = [stretch for stretch in stretches if stretch.shows_in(halves.spacing)]
     notes = [
-        f"{stretch}, but the other half's mirror image only {stretch.beyond:.2g} farther out than it, and elsewhere "
-        f"the halves differ by {stretch.elsewhere:.2g}: not completed"
+        f"{stretch}, but the other half's mirror image {stretch.beyond:.2g} farther out than that, and elsewhere the "
+        f"halves differ by {stretch.elsewhere:.2g}: not completed"
         for stretch in stretches
         if stretch not in shown
     ]

@@ -103,7 +103,7 @@ def test_a_stretch_that_the_other_half_does_not_show_is_not_completed_and_the_no
     fit, notes = build._complete(None, alternating, 5.0)
     assert fit is None
     assert len(notes) == 2
-    assert all("the halves differ by" in note and note.endswith("not completed") for note in notes)
+    assert all("halves differ by" in note and note.endswith("not completed") for note in notes)
     assert build._tell_hidden(alternating, alternating.polygon.area) == ()
 
 
