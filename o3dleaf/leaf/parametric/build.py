@@ -19,7 +19,8 @@ from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
-from o3dleaf.leaf.parametric.mirror import Halves, mirror_points
+from o3dleaf.leaf.parametric.mirror.halves import Halves
+from o3dleaf.leaf.parametric.mirror.images import mirror_points
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface, relax_chart
 from o3dleaf.leaf.parametric.thickness import ThicknessMap, as_factors
@@ -220,8 +221,15 @@ def _complete(fit: SurfaceFit, halves: Halves, length: float) -> tuple[SurfaceFi
     whole, stretches = halves.bridged(length)
     if not stretches:
         return fit, (f"no stretch of margin of at least {length:.4g} steps in and out again: nothing is completed",)
-    notes, images = [], [mirror_points(fit, whole, stretch) for stretch in stretches]
-    for stretch, (points, places, misfit) in zip(stretches, images, strict=True):
+    shown = [stretch for stretch in stretches if stretch.shows_in(halves.spacing)]
+    notes = [
+        f"{stretch}, but the other half's mirror image lies {stretch.beyond:.2g} beyond it where the halves differ by "
+        f"{stretch.elsewhere:.2g} elsewhere, which may be the leaf's own shape: not completed"
+        for stretch in stretches
+        if stretch not in shown
+    ]
+    images = [mirror_points(fit, whole, stretch) for stretch in shown]
+    for stretch, (points, places, misfit) in zip(shown, images, strict=True):
         fit = extend_fit(fit, points, places)
         notes.append(f"{stretch}: completed by the mirror image, which leaves {misfit:.2g} where both halves are seen")
     return fit, tuple(notes)
@@ -233,7 +241,7 @@ def _tell_hidden(halves: Halves, area: float) -> tuple[str, ...]:
     return tuple(
         f"{each}, {each.area / area:.1%} of the blade: hidden or eaten; complete_margin would fill it"
         for each in stretches
-        if each.area >= HIDDEN_AREA * area
+        if each.area >= HIDDEN_AREA * area and each.shows_in(halves.spacing)
     )
 
 

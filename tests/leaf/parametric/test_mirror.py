@@ -9,7 +9,8 @@ import o3dleaf as o3l
 import tolerances as tol
 from o3dleaf.leaf.parametric import build
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
-from o3dleaf.leaf.parametric.mirror import Halves, find_peaks, mirror_points
+from o3dleaf.leaf.parametric.mirror.halves import Halves, HiddenStretch, find_peaks
+from o3dleaf.leaf.parametric.mirror.images import mirror_points
 from o3dleaf.leaf.parametric.surface import ChartSurface
 
 SPACING = 0.5
@@ -18,16 +19,17 @@ FIRST, LAST, DEPTH = 22.0, 40.0, 3.0
 """Of the hidden stretch, and how far its margin lies inside."""
 
 
-def outline(bend=0.0, bites=()):
-    """Return a leaf that tapers to both ends, its midrib bent to a parabola, without boxes (start, stop, depth)."""
+def outline(bend=0.0, bites=(), others=()):
+    """Return a leaf that tapers to both ends, its midrib a parabola, without boxes (start, stop, depth) of both."""
     u = np.linspace(0, LENGTH, 400)
     half = HALF * np.sin(np.pi * (0.05 + 0.9 * u / LENGTH))
-    left = half.copy()
-    for start, stop, depth in bites:
-        left[(u >= start) & (u <= stop)] -= depth
+    left, right = half.copy(), half.copy()
+    for side, boxes in ((left, bites), (right, others)):
+        for start, stop, depth in boxes:
+            side[(u >= start) & (u <= stop)] -= depth
     middle = bend * (u - LENGTH / 2) ** 2
-    ring = np.concatenate([np.stack([u, middle - half], 1), np.stack([u, middle + left], 1)[::-1]])
-    return shapely.Polygon(ring), np.stack([u, middle + (left - half) / 2], axis=1)
+    ring = np.concatenate([np.stack([u, middle - right], 1), np.stack([u, middle + left], 1)[::-1]])
+    return shapely.Polygon(ring), np.stack([u, middle + (left - right) / 2], axis=1)
 
 
 def halves(**shape):
@@ -63,6 +65,60 @@ def test_no_step_a_short_notch_and_a_shallow_bay_are_not_hidden_stretches(bites,
     same, stretches = whole.bridged(length)
     assert stretches == ()
     assert same is whole
+
+
+def with_waves(share):
+    """Return the halves of a leaf with a hidden stretch, the other half's width waved by a share of it."""
+    polygon, midline = outline(bites=[(FIRST, LAST, DEPTH)])
+    u, v = shapely.get_coordinates(polygon).T
+    waved = np.stack([u, v * np.where(v < 0, 1 + share * np.sin(0.5 * u), 1)], axis=1)
+    return Halves.of(shapely.Polygon(waved), midline, SPACING)
+
+
+@pytest.mark.parametrize(("share", "shown"), [(0.1, {1: True}), (0.4, {1: True, -1: False})])
+def test_a_stretch_along_which_halves_differ_no_more_than_elsewhere_is_not_completed(share, shown):
+    waved = with_waves(share)
+    _, stretches = waved.bridged(5.0)
+    assert {each.side: each.shows_in(SPACING) for each in stretches} == shown
+    assert {each.side: each.beyond > 0 for each in stretches} == shown
+
+
+@pytest.mark.parametrize(
+    ("beyond", "elsewhere", "shown"), [(1.6, 0.5, True), (1.6, 0.6, False), (1.4, 0.1, False), (-2.0, 0.1, False)]
+)
+def test_what_shows_is_beyond_chance_and_beyond_what_halves_differ_elsewhere(beyond, elsewhere, shown):
+    stretch = HiddenStretch(FIRST, LAST, 1, DEPTH, DEPTH * (LAST - FIRST), beyond * SPACING, elsewhere * SPACING)
+    assert stretch.shows_in(SPACING) == shown
+
+
+def test_stretches_of_both_halves_count_as_differences_of_each_other():
+    """Lobes that alternate look like them."""
+    _, stretches = halves(bites=[(12.0, 28.0, DEPTH)], others=[(32.0, 48.0, DEPTH)]).bridged(5.0)
+    assert {each.side for each in stretches} == {1, -1}
+    assert not any(each.shows_in(SPACING) for each in stretches)
+
+
+def test_a_stretch_that_the_other_half_does_not_show_is_not_completed_and_the_note_says_why():
+    alternating = halves(bites=[(12.0, 28.0, DEPTH)], others=[(32.0, 48.0, DEPTH)])
+    fit, notes = build._complete(None, alternating, 5.0)
+    assert fit is None
+    assert len(notes) == 2
+    assert all("halves differ by" in note and note.endswith("not completed") for note in notes)
+    assert build._tell_hidden(alternating, alternating.polygon.area) == ()
+
+
+def test_how_far_a_hidden_margin_lies_inside_the_mirror_image_is_its_depth():
+    _, (stretch,) = halves(bites=[(FIRST, LAST, DEPTH)]).bridged(5.0)
+    assert stretch.beyond == pytest.approx(DEPTH, rel=tol.STEP_HEIGHT)
+    assert stretch.elsewhere < 0.1 * DEPTH
+
+
+def test_past_its_ends_the_midrib_goes_on_straight():
+    whole, places = halves(), np.array([[-5.0, 2.0], [30.0, 3.0], [LENGTH + 4.0, -1.0]])
+    along, across, images = whole.mirrored(places)
+    assert along == pytest.approx([0, 30.0, LENGTH])
+    assert across == pytest.approx(places[:, 1])
+    assert images == pytest.approx(places * [1, -1])
 
 
 def test_several_stretches_do_not_overlap():

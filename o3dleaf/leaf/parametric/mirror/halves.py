@@ -1,16 +1,13 @@
-"""Stretches of the margin that are hidden, and the mirror image of the blade's other half in their place."""
+"""The two halves of a blade in its chart, and stretches of its margin that are hidden."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from scipy.ndimage import gaussian_filter1d
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.chart.axis.sections import cut_across, normals_of, reached, resample, smooth_curve
-from o3dleaf.leaf.parametric.fitted import SurfaceFit
-from o3dleaf.leaf.parametric.surface import ChartSurface
 
 STEP = 0.5
 """Spacings between sections across the blade."""
@@ -35,12 +32,9 @@ LONGER = 1.1
 BRIDGE, ACROSS_WIDTH = 0.02, 0.125
 """Stiffness of the midrib over a hidden stretch, for stations as far apart as it is long; and the share of the width
 over which it is smoothed elsewhere."""
-ALONG, ACROSS = 9, 6
-"""Pairs of places along and across a window, on either half, by which their isometry is found."""
-SEAM = 4.0
-"""Spacings along the seam over which the images are shifted onto the surface that they go on from."""
-PER_WINDOW = 4
-"""Windows to a half width of the blade: the isometry changes smoothly from one to the next."""
+UNLIKE = 3.0
+"""Times what the halves differ elsewhere (root mean square) that they differ along a hidden stretch: beyond three
+deviations it is not chance, and below, the one half doesn't tell where the other ends."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +49,9 @@ class HiddenStretch:
         The narrower half: 1 to the left of the midrib, from base to tip, −1 to the right.
     depth, area : float
         The mean of the two steps, and the area that is missing.
+    beyond, elsewhere : float
+        How far the mirror image of the other half's margin lies beyond this one, on average, and the root mean square
+        of the same along the rest of the margin.
     """
 
     start: float
@@ -62,6 +59,12 @@ class HiddenStretch:
     side: int
     depth: float
     area: float
+    beyond: float = np.nan
+    elsewhere: float = np.nan
+
+    def shows_in(self, spacing: float) -> bool:
+        """Return whether the halves differ there by more than chance and by more than they do elsewhere."""
+        return self.beyond >= max(HIGH * spacing, UNLIKE * self.elsewhere)
 
     def __str__(self) -> str:
         half = "left" if self.side > 0 else "right"
@@ -137,7 +140,28 @@ class Halves:
                 break
             halves = Halves.of(self.polygon, curve, self.spacing)
             stretches = halves.hidden(length)
-        return halves, stretches
+        return halves, tuple(halves.compared(each, stretches) for each in stretches)
+
+    def compared(self, stretch: HiddenStretch, stretches: tuple[HiddenStretch, ...]) -> HiddenStretch:
+        """Return a stretch with how far the halves differ along it, and elsewhere: along none of this half's stretches.
+
+        Those of the other half count as differences: lobes that alternate look like stretches hidden of both.
+
+        The margin is taken at equal steps of its own length: it counts alike where it runs across the midrib.
+        """
+        ring = self.polygon.exterior
+        margin = shapely.get_coordinates(shapely.line_interpolate_point(ring, np.arange(0, ring.length, self.spacing)))
+        along, across, images = self.mirrored(margin)
+        beyond = shapely.distance(ring, shapely.points(images))
+        beyond[shapely.contains_xy(self.polygon, images)] *= -1
+        other, blurred = stretch.side * across < 0, BLURRED * self.spacing
+        inside = (along > stretch.start + blurred) & (along < stretch.stop - blurred)
+        rest = np.ones(len(along), dtype=bool)
+        for each in (each for each in stretches if each.side == stretch.side):
+            rest &= (along < each.start - blurred) | (along > each.stop + blurred)
+        along_it, apart = beyond[other & inside], beyond[other & rest]
+        mean, square = along_it.sum() / max(len(along_it), 1), apart @ apart / max(len(apart), 1)
+        return replace(stretch, beyond=float(mean), elsewhere=float(np.sqrt(square)))
 
     def _drawn_through(self, stretches: tuple[HiddenStretch, ...]) -> FloatArray:
         """Return the middles (k, 2) of the sections, where stretches are hidden bent as around them, smoothed."""
@@ -158,12 +182,16 @@ class Halves:
         return np.asarray(middle + across[:, np.newaxis] * normal)
 
     def mirrored(self, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return lengths along the midrib (n,) and across it (n,) of places (n, 2), and their mirror images (n, 2)."""
+        """Return lengths along the midrib (n,) and across it (n,) of places (n, 2), and their mirror images (n, 2).
+
+        Past its ends the midrib goes on straight.
+        """
         line = shapely.LineString(self.curve)
         along = shapely.line_locate_point(line, shapely.points(places))
-        foot, normal = self.places(along, np.zeros(len(along))), self.places(along, np.ones(len(along)))
-        across = ((places - foot) * (normal - foot)).sum(axis=1)
-        return along, across, self.places(along, -across)
+        foot = self.places(along, np.zeros(len(along)))
+        normal = self.places(along, np.ones(len(along))) - foot
+        across = ((places - foot) * normal).sum(axis=1)
+        return along, across, places - 2 * across[:, np.newaxis] * normal
 
 
 def _steps(width: FloatArray, spacing: float, station: float) -> tuple[IntArray, FloatArray]:
@@ -208,88 +236,3 @@ def _pairs(heights: FloatArray) -> list[tuple[int, int]]:
         if low >= ALIKE * high and alone and all(last <= i or j <= first for i, j in pairs):
             pairs.append((int(first), int(last)))
     return pairs
-
-
-def mirror_points(fit: SurfaceFit, halves: Halves, stretch: HiddenStretch) -> tuple[FloatArray, FloatArray, float]:
-    """Return the mirror images of the points whose counterparts are hidden, and how well the two halves match.
-
-    In the chart a place goes over to the other side of the midrib. In the world it goes with the isometry that carries
-    the visible part of the one half about it onto the other, in windows along the midrib: a leaf that is curled comes
-    out curled, and one that is twisted, twisted. Points keep their noise.
-
-    Returns
-    -------
-    points : (m, 3) ndarray
-    places : (m, 2) ndarray
-        Their parameters in the chart.
-    misfit : float
-        Root mean square of what is left between the visible halves, in the unit of the world.
-
-    References
-    ----------
-    Schönemann, P. H. (1966): A generalized solution of the orthogonal Procrustes problem. Psychometrika 31, 1-10.
-    """
-    along, across, images = halves.mirrored(fit.feet)
-    lies_there = (along >= stretch.start - halves.spacing) & (along <= stretch.stop + halves.spacing)
-    chosen = lies_there & (np.sign(across) == -stretch.side)
-    chosen[chosen] = ~shapely.contains_xy(halves.polygon, images[chosen])
-    carried = _Carried.along(fit.surface, halves, stretch)
-    points = carried.of(fit.points[chosen], along[chosen])
-    # Where the visible part ends its image goes on from the surface that is there.
-    way = np.linspace(stretch.start, stretch.stop, 2 + int((stretch.stop - stretch.start) / halves.spacing))
-    edge = np.interp(way, halves.at, halves.widths[:, int(stretch.side < 0)]) - halves.spacing
-    own, other = (fit.surface.jet(halves.places(way, s * edge), 0)[0] for s in (stretch.side, -stretch.side))
-    apart = gaussian_filter1d(own - carried.of(other, way), SEAM, axis=0, mode="nearest")
-    points += np.stack([np.interp(along[chosen], way, apart[:, axis]) for axis in range(3)], axis=1)
-    return points, images[chosen], carried.misfit
-
-
-@dataclass(frozen=True, eq=False)
-class _Carried:
-    """Isometries x ↦ (x − c) R + d in windows about some lengths (m,) along the midrib, blended linearly between.
-
-    `starts`, `ends` (m, 3), `turns` (m, 3, 3); `misfit` is the root mean square of what they leave.
-    """
-
-    middles: FloatArray
-    starts: FloatArray
-    turns: FloatArray
-    ends: FloatArray
-    misfit: float
-
-    @classmethod
-    def along(cls, surface: ChartSurface, halves: Halves, stretch: HiddenStretch) -> "_Carried":
-        """Return those from the other half onto the narrower one, nearest on places that both have."""
-        half = float(halves.widths.max())
-        count = max(2, 1 + int(np.ceil(PER_WINDOW * (stretch.stop - stretch.start) / half)))
-        middles = np.linspace(stretch.start, stretch.stop, count)
-        parts = [_isometry(surface, halves, middle, half, stretch.side) for middle in middles]
-        starts, turns, ends, squares = (np.array(each) for each in zip(*parts, strict=True))
-        return cls(middles, starts, turns, ends, float(np.sqrt(squares.mean())))
-
-    def of(self, points: FloatArray, along: FloatArray) -> FloatArray:
-        """Return the images of points (n, 3) at lengths (n,) along the midrib."""
-        part = np.clip((along - self.middles[0]) / (self.middles[1] - self.middles[0]), 0, len(self.middles) - 1)
-        below = np.minimum(part.astype(np.int64), len(self.middles) - 2)
-        share = (part - below)[:, np.newaxis]
-        first, second = (
-            np.einsum("ni,nij->nj", points - self.starts[rows], self.turns[rows]) + self.ends[rows]
-            for rows in (below, below + 1)
-        )
-        return np.asarray((1 - share) * first + share * second)
-
-
-def _isometry(
-    surface: ChartSurface, halves: Halves, middle: float, half: float, side: int
-) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Return center, orthogonal matrix, image of the center and mean square left, for a window about one length."""
-    way = np.linspace(max(middle - half, 0.0), min(middle + half, halves.at[-1]), ALONG)
-    common = np.interp(way, halves.at, halves.widths.min(axis=1))
-    along = np.repeat(way, ACROSS)
-    across = side * np.outer(common, (np.arange(ACROSS) + 0.5) / ACROSS).ravel()
-    other, own = (surface.jet(halves.places(along, each), 0)[0] for each in (-across, across))
-    start, end = other.mean(axis=0), own.mean(axis=0)
-    left, _, right = np.linalg.svd((other - start).T @ (own - end))
-    turn = left @ right
-    left_over = (other - start) @ turn + end - own
-    return start, turn, end, float((left_over**2).sum(axis=1).mean())
