@@ -9,6 +9,7 @@ import numpy as np
 
 import o3dleaf as o3l
 from o3dleaf import samples, view
+from o3dleaf.leaf.chart.petiole import Petiole
 from robustness.kinds import (
     BOX,
     CALLABLE,
@@ -436,6 +437,7 @@ DOORS: dict[str, Door] = {
         rim_radius=maybe_length,
         notes=TABLE.like(()),
         thickness=OBJECT.like(lambda w: thickness_map()).optional,
+        petiole=OBJECT.like(lambda w: Petiole(9.0, 1.0, 9.0, (0, 0, 0), (9, 0, 0), (1, 0, 0))).optional,
     ),
     "ThicknessMap": door(o3l.ThicknessMap, factors=FACTORS, bounds=REGION),
     "ThicknessMap.values": Door(lambda _: thickness_map().values, {"uv": PLACES}),
