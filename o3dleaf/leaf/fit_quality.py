@@ -73,7 +73,7 @@ class FitQuality:
     area : (2,) tuple of float
         Of the blade in the world and in its plane, in `unit` squared.
     area_deviation : float
-        Standard deviation of the first by the chance of a random scan (`area_deviation`), in `unit` squared.
+        Standard deviation of the first by the chance of a random scan (`residuals/known_area`), in `unit` squared.
     along, across, stretch : (2,) tuples of float
         Length in the world of a unit length of the plane along the midrib, across it, and in its worst and best
         direction: 1 % of the area has less, and 1 % more.
