@@ -57,6 +57,8 @@ class FitQuality:
     is_far, is_outside : (n,) ndarrays of bool
         Whether a point lies farther off the blade than `limit`; beside it, beyond its margin or in a hole, by more
         than a spacing and three noise deviations. No point is both, and none that was cut off as petiole is either.
+    is_cut : (n,) ndarray of bool
+        Whether a point off the blade or beside it is of the petiole that was cut off.
     noise, spacing, limit : float
         Standard deviation of the points about the blade, from what neighbors differ by; 1/√(points per area), the
         median over the blade; and `FAR` noise deviations, at least `LEAST_FAR` spacings; in `unit`.
@@ -86,6 +88,7 @@ class FitQuality:
     distance: FloatArray
     is_far: BoolArray
     is_outside: BoolArray
+    is_cut: BoolArray
     noise: float
     spacing: float
     limit: float
@@ -139,6 +142,7 @@ class FitQuality:
             distance=distance,
             is_far=is_far,
             is_outside=is_outside,
+            is_cut=is_cut,
             noise=noise,
             spacing=spacing,
             limit=limit,

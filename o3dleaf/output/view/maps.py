@@ -207,7 +207,7 @@ def _residuals_at(
     world: FloatArray, points: FloatArray, held: FitQuality, *, signed: bool
 ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     """Return means of residuals around (n, 3) vertices, in noise deviations, and which of them lie in a gap."""
-    inside = ~held.is_outside
+    inside = ~held.is_outside & ~held.is_cut
     deviation = held.limit / FAR
     sizes = (held.distance if signed else np.abs(held.distance))[inside] / deviation
     if not inside.any():

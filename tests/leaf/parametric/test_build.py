@@ -116,7 +116,12 @@ def test_a_petiole_that_was_cut_off_does_not_lie_beside_the_blade():
     scan = o3l.samples.scan_leaf(o3l.samples.leaf_shape("petiole"), spacing=0.9, noise=0.2, seed=2)
     blade = build.build_parametric_blade(scan.points, None, "mm", BladeOptions())
     assert blade.petiole is not None
-    assert FitQuality.of(blade, scan.points).outside <= MAX_OUTSIDE
+    quality = FitQuality.of(blade, scan.points)
+    assert quality.outside <= MAX_OUTSIDE
+    assert not (quality.is_cut & (quality.is_far | quality.is_outside)).any()
+    stalk = np.linalg.norm(scan.points - np.array(blade.petiole.end), axis=1) < blade.petiole.length / 2
+    assert stalk.any()
+    assert quality.is_cut[stalk].all()
     # What lies beside it elsewhere is told as before.
     far = scan.truth.lift([[40.0, 0.0]]) + [0, 40.0, 0] + np.random.default_rng(0).normal(0, 2, (200, 3))
     quality = FitQuality.of(blade, np.concatenate([scan.points, far]))
