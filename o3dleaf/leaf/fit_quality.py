@@ -198,8 +198,8 @@ class FitQuality:
             )
         if self.area_deviation > MAX_DEVIATION * self.area[0]:
             lines.append(
-                f"so few points know the area to {_percent(self.area_deviation / self.area[0])} only (one standard "
-                "deviation, if they lie at random)"
+                f"the area is known to {_percent(self.area_deviation / self.area[0])} only (one standard deviation, of "
+                "points that lie at random): the scan has few points"
             )
         if self.stretch[0] < 1 - STRETCH or self.stretch[1] > 1 + STRETCH:
             lines.append(

@@ -36,7 +36,7 @@ def raised(blade, points, places, chosen, height):
 def test_of_a_good_fit_nothing_is_told(noise, spacing):
     """Random points, to the margin and into the sharp tips, with normal errors along every axis."""
     quality = FitQuality.of(BLADE, BLADE.scan(spacing, noise)[0])
-    assert [line for line in quality.warnings if "know the area" not in line] == []
+    assert [line for line in quality.warnings if "area is known" not in line] == []
     assert quality.noise == pytest.approx(noise * spacing, rel=NOISE_OF_NEIGHBORS, abs=1e-9)
     assert quality.spacing == pytest.approx(spacing, rel=NOISE_OF_NEIGHBORS)
     assert quality.outside <= MAX_OUTSIDE / 5
@@ -123,7 +123,7 @@ def test_the_area_is_known_as_well_as_its_margin(spacing, noise, told):
     length = 2 * (BLADE.outline.polygon.length + hole.length)
     known = np.sqrt(length * quality.spacing**2 * (quality.spacing / 2 + quality.noise))
     assert quality.area_deviation == pytest.approx(known, rel=PERIMETER_OF_CHORDS)
-    assert any("know the area" in line for line in quality.warnings) == told
+    assert any("area is known" in line for line in quality.warnings) == told
 
 
 def test_areas_of_random_scans_err_as_they_are_said_to():

@@ -3,5 +3,5 @@
 `noise`       the noise of a scan about a blade, by which a fit is judged
 `places`      where a blade does not hold its scan
 `off_blade`   feet of points on a blade, those outside its margin, and their spacing
-`known_area`  how well a random scan knows the area of a blade
+`known_area`  how well the area of a blade is known from a random scan of it
 """

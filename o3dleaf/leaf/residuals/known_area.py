@@ -1,4 +1,4 @@
-"""How well a random scan knows the area of a blade."""
+"""How well the area of a blade is known from a random scan of it."""
 
 import numpy as np
 import shapely

@@ -52,10 +52,9 @@ def test_planes_go_through_fewer_neighbors_where_the_others_lie_on_other_sheets(
     assert (scale.full, scale.thinning, scale.neighbors) == (False, 1, FEW)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_planes_go_through_all_neighbors_where_noise_fills_them(seed):
-    sheet = np.random.default_rng(seed).uniform(size=(1500, 3)) * [1, 1, 0.04]  # a spacing and a half
-    assert scale_of(sheet).neighbors == NEIGHBORS
+@pytest.mark.parametrize("kind", ["ball", "cube", "normal"])
+def test_planes_go_through_all_neighbors_where_points_or_noise_fill_them(kind):
+    assert {scale_of(filled(kind, 10_000, seed)).neighbors for seed in range(3)} == {NEIGHBORS}
 
 
 @pytest.mark.parametrize("spacings", [0.0, 0.5, 1.0, 2.0, 4.0])
