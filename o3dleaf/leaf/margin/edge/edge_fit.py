@@ -14,7 +14,7 @@ from scipy.special import log_ndtr
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.edge.edge_frame import NODE_STEP, EdgeFrame, EdgeSample, edge_frame
-from o3dleaf.leaf.margin.edge.edge_score import blurred, score
+from o3dleaf.leaf.margin.edge.edge_score import BlurredEdge, blurred, score
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
 FIRST = 1.5
@@ -31,10 +31,6 @@ BEYOND_CHANCE = 3.0
 by chance, and there the softer curve costs little; a corner that is missed costs more."""
 SPREAD = 2.0
 """Bandwidths to both sides of such a place in which the softer curve stays."""
-BIAS = 0.12
-"""Spacings, over the bandwidth, by which the curve of greatest likelihood lies inside the true one: it bends to the
-outermost points. By simulation of discs, 0.12 at the least bandwidth and 0.15 at the widest, with and without noise;
-unblurred it would be 1/3, a cell for each degree of freedom, as Efron's identity has it."""
 MOST_MOVED = 1.5
 """Spacings that the curve may move."""
 NOT_ACROSS = 0.8
@@ -80,19 +76,20 @@ def fit_edge(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeF
     Korostelev, A. P., Tsybakov, A. B. (1993): Minimax theory of image reconstruction. Springer.
     """
     frame = edge_frame(curve, apexes, sample)
-    blur, _, information = blurred(frame.noise)
-    moved = most_likely(frame, blur, information * FIRST**6, np.zeros(len(frame.curve)))
-    curve = _moved(frame, sample.randomness * moved)
+    seen, bandwidth = blurred(frame.noise), np.full(len(frame.curve), FIRST)
+    moved = most_likely(frame, seen.blur, seen.information * bandwidth**6, np.zeros(len(frame.curve)))
+    curve = _moved(frame, moved - seen.bias(bandwidth, frame.curvature), sample.randomness)
     # Distances are taken anew from where the curve has come to.
     frame = edge_frame(curve, curve[frame.apexes], sample)
-    blur, offset, information = blurred(frame.noise)
-    moved, bandwidth = widened(frame, blur, information)
-    moved = sample.randomness * (moved - offset + BIAS / bandwidth)
-    return EdgeFit(_moved(frame, moved), frame.spacing, frame.observed, frame.apexes)
+    seen = blurred(frame.noise)
+    moved, bandwidth = widened(frame, seen)
+    curve = _moved(frame, moved - seen.bias(bandwidth, frame.curvature), sample.randomness)
+    return EdgeFit(curve, frame.spacing, frame.observed, frame.apexes)
 
 
-def widened(frame: EdgeFrame, blur: FloatArray, information: FloatArray) -> tuple[FloatArray, FloatArray]:
+def widened(frame: EdgeFrame, seen: BlurredEdge) -> tuple[FloatArray, FloatArray]:
     """Return how far (n,) the nodes move, and the widest bandwidths (n,) whose curves agree with the narrower ones."""
+    blur, information = seen.blur, seen.information
     bandwidth, stays = np.full(len(frame.curve), FIRST), np.zeros(len(frame.curve), dtype=bool)
     moved = most_likely(frame, blur, information * bandwidth**6, np.zeros(len(frame.curve)))
     for level in range(LEVELS - 1):
@@ -118,7 +115,7 @@ def most_likely(
     stays, moved = np.where(frame.gap, NODE_STEP / blur, 0.0), start
     for _ in range(steps):
         z, depth = (moved[node] - frame.across) / blur[node], (moved + frame.half_width) / blur
-        scores, length = score(z), NODE_STEP * frame.observed
+        scores, length = score(z), frame.length * frame.observed
         gradient = np.bincount(node, scores / blur[node], count) - length * (1 + log_ndtr(depth))
         curvature = np.bincount(node, scores * (scores + z) / blur[node] ** 2, count) + length * score(depth) / blur
         # Over a filled gap the curve stays.
@@ -131,5 +128,6 @@ def most_likely(
     return moved
 
 
-def _moved(frame: EdgeFrame, distance: FloatArray) -> FloatArray:
-    return np.asarray(frame.curve + (distance * frame.spacing)[:, None] * frame.normals)
+def _moved(frame: EdgeFrame, distance: FloatArray, share: float) -> FloatArray:
+    """Return the curve moved a share of the way, the distances (n,) in spacings."""
+    return np.asarray(frame.curve + (share * distance * frame.spacing)[:, None] * frame.normals)

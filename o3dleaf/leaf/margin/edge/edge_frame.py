@@ -53,7 +53,8 @@ class EdgeSample:
 class EdgeFrame(NamedTuple):
     """A curve with the points near it.
 
-    `curve`, `normals` (n, 2); local `spacing`, `noise` in spacings, `half_width` of the tip (n,); whether points
+    `curve`, `normals` (n, 2); local `spacing`, `noise` in spacings, `half_width` of the tip, `length` of margin of each
+    node across its normal, `curvature` over spacings, 0 at tips, positive where the leaf is convex (n,); whether points
     are used there (`observed`), and whether it runs over a `gap` that was filled; the nearest `node` (m,) of each point
     and how far `across` (m,) it lies, in spacings; third `differences` of what moves, and of the curve itself (`bend`,
     n); the rows of tips.
@@ -64,6 +65,8 @@ class EdgeFrame(NamedTuple):
     spacing: FloatArray
     noise: FloatArray
     half_width: FloatArray
+    length: FloatArray
+    curvature: FloatArray
     observed: BoolArray
     gap: BoolArray
     node: IntArray
@@ -82,7 +85,7 @@ def edge_frame(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> Edg
     gap = shapely.distance(shapely.points(curve), sample.filled) <= BESIDE * spacing
     observed = (half_width >= NARROW) & ~gap
     part = np.minimum(sample.noise / spacing, MOST_NOISE)
-    blur = blurred(part)[0]
+    blur = blurred(part).blur
     points = np.asarray(sample.local.tree.data)
     reach = float((INSIDE * blur * spacing).max())
     node = cKDTree(curve).query(points, distance_upper_bound=reach)[1]
@@ -91,7 +94,19 @@ def edge_frame(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> Edg
     near = observed[node] & (across < OUTSIDE * blur[node]) & (across > -INSIDE * blur[node])
     differences, bend = _third_differences(curve, normals, spacing, rows)
     return EdgeFrame(
-        curve, normals, spacing, part, half_width, observed, gap, node[near], across[near], differences, bend, rows
+        curve,
+        normals,
+        spacing,
+        part,
+        half_width,
+        *_lengths(curve, normals, spacing, rows),
+        observed,
+        gap,
+        node[near],
+        across[near],
+        differences,
+        bend,
+        rows,
     )
 
 
@@ -110,6 +125,18 @@ def _normals(curve: FloatArray, apexes: list[int]) -> FloatArray:
     tangents = smoothed + np.roll(smoothed, 1, axis=0)
     normals = np.stack([tangents[:, 1], -tangents[:, 0]], axis=1)
     return np.asarray(normals / np.maximum(np.hypot(*normals.T), 1e-300)[:, None])
+
+
+def _lengths(
+    curve: FloatArray, normals: FloatArray, spacing: FloatArray, apexes: list[int]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the length (n,) of margin across the normal at each node, in spacings, and the curvature there."""
+    sides = (np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)) / 2
+    before, after = np.roll(normals, 1, axis=0), np.roll(normals, -1, axis=0)
+    turn = (before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]) / 2
+    turn[(np.array(apexes, dtype=int)[:, None] + [-1, 0, 1]) % len(curve)] = 0.0
+    length = (normals[:, 0] * sides[:, 1] - normals[:, 1] * sides[:, 0]) / spacing
+    return length, turn / NODE_STEP
 
 
 def _half_widths(curve: FloatArray, spacing: FloatArray, apexes: list[int]) -> FloatArray:

@@ -11,7 +11,7 @@ from scipy.special import log_ndtr
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.edge.edge_fit import most_likely, widened
-from o3dleaf.leaf.margin.edge.edge_frame import INSIDE, NODE_STEP, EdgeFrame, EdgeSample, edge_frame
+from o3dleaf.leaf.margin.edge.edge_frame import INSIDE, EdgeFrame, EdgeSample, edge_frame
 from o3dleaf.leaf.margin.edge.edge_score import blurred
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
@@ -48,13 +48,13 @@ def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> flo
         With the deviation that is expected.
     """
     frame = edge_frame(curve, apexes, sample)
-    blur, _, information = blurred(frame.noise)
-    moved, bandwidth = widened(frame, blur, information)
-    deep = frame.observed & (frame.half_width > INSIDE * blur)
+    seen = blurred(frame.noise)
+    moved, bandwidth = widened(frame, seen)
+    deep = frame.observed & (frame.half_width > INSIDE * seen.blur)
     likelihood = np.empty(len(SHARES))
     for row in range(len(SHARES) - 1, -1, -1):  # the widest blur first: its curve is the easiest to find
         tried = np.maximum(SHARES[row] * frame.noise, SHARPEST)
-        moved = most_likely(frame, tried, information * blur / tried * bandwidth**6, moved, STEPS)
+        moved = most_likely(frame, tried, seen.information * seen.blur / tried * bandwidth**6, moved, STEPS)
         likelihood[row] = _log_likelihood(frame, moved, tried, deep)
     return _peak(likelihood) * sample.noise
 
@@ -70,7 +70,7 @@ def _log_likelihood(frame: EdgeFrame, moved: FloatArray, blur: FloatArray, count
     """Return the logarithm of the likelihood of the points at some nodes, up to a constant."""
     rows = counted[frame.node]
     node, across = frame.node[rows], frame.across[rows]
-    return float(log_ndtr((moved[node] - across) / blur[node]).sum() - NODE_STEP * moved[counted].sum())
+    return float(log_ndtr((moved[node] - across) / blur[node]).sum() - (frame.length * moved)[counted].sum())
 
 
 def _peak(likelihood: FloatArray) -> float:
