@@ -5,6 +5,7 @@ import shapely.affinity
 
 from o3dleaf import samples
 from o3dleaf.leaf.chart.petiole import find_petiole
+from o3dleaf.leaf.chart.stalk.point_ways import PointWays
 from o3dleaf.leaf.chart.stalk.sections import sections_along
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, ellipse, lobed, rolled, stalked, triangulated
@@ -154,6 +155,18 @@ def test_lobes_are_no_petiole(leaf, seed):
     kept, petiole = find_petiole(bent(drawn(LOBED[leaf], 0.6, seed)))
     assert petiole is None
     assert kept.all()
+
+
+def test_from_within_a_finger_all_others_are_ends():
+    """Their ways begin alike, from 25 down the first one to the palm; the fingers are 60 long."""
+    turns = np.radians([-110, -50, 0, 50, 110])
+    along = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    ways = PointWays(np.pad(drawn(LOBED["five straps"], 0.6), ((0, 0), (0, 1))))
+    flat = ways.points[:, :2]
+    start = int(np.argmin(np.linalg.norm(flat - 25 * along[0], axis=1)))
+    beyond = np.linalg.norm(flat - 43 * along[0], axis=1) < 18
+    ends = flat[[end for end, _ in ways.ends_from(start, beyond)]]
+    assert np.linalg.norm(ends[:, np.newaxis] - 60 * along[1:], axis=2).min(axis=0).max() < tol.FINGER_END
 
 
 @pytest.mark.parametrize("length", [40.0, 60.0])

@@ -15,10 +15,13 @@ NEIGHBORS = 16
 """Points that each is joined to: rows of a scanner four times as far apart as their points still hang together."""
 CELL = 6
 """Neighbor whose distance tells the area of a point's cell: π r²/6 has the right mean, whatever the pattern."""
-MOST_ENDS = 6
-"""Ends of a cloud that are looked at, the farthest first."""
-COMMON = 0.25
-"""Of its distance, that an end has its way in common with those found before, at most."""
+MOST_ENDS = 12
+"""Ends of a cloud that are looked at, the farthest first: a palmate leaf has up to ten, and the petiole may be the
+shortest."""
+COMMON = 0.5
+"""Of its distance, that an end has its way in common with those found before, at most. From the base of one finger the
+ways to all others begin alike, and more so the shorter they are; two places of one round margin have more in common: a
+half, and of a broad blade's tip and side 0.7."""
 
 
 class PointWays:
