@@ -953,6 +953,20 @@ blurred edge is 0.12 where there is no noise."""
 EDGE_DEVIATION = 0.1
 """Relative, of the deviation of 2,000 edges: 0.016 by chance, the rest as 40 spacings are few."""
 
+CURVED_EDGE = 1e-3
+"""Spacings, of an edge of radius 20: terms of the square of the curvature, 2e-4 with noise of half a spacing; without
+that of the curvature itself 2.5e-3 and more."""
+
+FITTED_EDGE = 0.01
+"""Spacings, mean of eight edges of 380 spacings with bandwidths of 2 and 4: found 0.0045 and 0.0026, terms of the
+square of 1 over the bandwidth; what is expected is 0.026 and 0.032."""
+
+PART_OF_THE_WAY = 0.01
+"""Spacings, mean of eight edges: found 0.0025; 0.037 where the first pass keeps its bias."""
+
+AREA_MOVED = 1e-8
+"""Relative, difference quotients of an area: found 6e-10; steps without their angle to the normal are 0.08 too long."""
+
 EDGE_RMS = 0.2
 """Spacings by which the margins of six discs stray: found 0.17; with the least bandwidth alone 0.23."""
 

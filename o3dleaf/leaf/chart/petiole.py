@@ -21,6 +21,8 @@ FEWEST = 24
 """Points of a leaf at least, as of a sheet."""
 RESOLVED = 2.0
 """Spacings that a petiole is wide at least: of what is narrower the scan shows no cross-section."""
+COMMON = 0.25
+"""Of its distance from the middle of the leaf, that an end has its way in common with others, at most."""
 LARGEST = 3.0
 """Area of what is cut off over that of a tube as long and as wide, at most: a stub of the stem is as large again."""
 
@@ -129,7 +131,7 @@ def _ends(ways: PointWays) -> list[int]:
     """
     ends = list(ways.far_ends())
     middle = int(np.argmin(np.maximum(*map(ways.from_point, ends))))
-    others = [end for end, _ in ways.ends_from(middle)]
+    others = [end for end, _ in ways.ends_from(middle, COMMON)]
     return ends + [end for end in others if end not in ends]
 
 

@@ -5,6 +5,7 @@ import shapely.affinity
 
 from o3dleaf import samples
 from o3dleaf.leaf.chart.petiole import find_petiole
+from o3dleaf.leaf.chart.stalk.lobes import COMMON
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
 from o3dleaf.leaf.chart.stalk.sections import sections_along
 from tests import tolerances as tol
@@ -165,7 +166,7 @@ def test_from_within_a_finger_all_others_are_ends():
     flat = ways.points[:, :2]
     start = int(np.argmin(np.linalg.norm(flat - 25 * along[0], axis=1)))
     beyond = np.linalg.norm(flat - 43 * along[0], axis=1) < 18
-    ends = flat[[end for end, _ in ways.ends_from(start, beyond)]]
+    ends = flat[[end for end, _ in ways.ends_from(start, COMMON, beyond)]]
     assert np.linalg.norm(ends[:, np.newaxis] - 60 * along[1:], axis=2).min(axis=0).max() < tol.FINGER_END
 
 

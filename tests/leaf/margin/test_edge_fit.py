@@ -3,21 +3,26 @@ import pytest
 import shapely
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
+from scipy.special import ive
 
 import planar_leaves as leaves
-from o3dleaf.leaf.margin.edge.edge_fit import fit_edge
-from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample
+from o3dleaf.leaf.margin.edge.edge_fit import fit_edge, most_likely
+from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample, edge_frame
 from o3dleaf.leaf.margin.edge.edge_score import blurred, score
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.margin.margin_curve import Spacing
 from tolerances import (
+    AREA_MOVED,
     CORNER_HELD,
+    CURVED_EDGE,
     EDGE_DEVIATION,
     EDGE_RMS,
     EDGE_RMS_NOISY,
     EDGE_STAYS,
     EDGE_TURNED,
+    FITTED_EDGE,
     FOUND_EDGE,
+    PART_OF_THE_WAY,
     TIP_LENGTH,
 )
 
@@ -40,6 +45,67 @@ def test_a_straight_edge_comes_out_where_the_tables_say_and_as_far_off_as_they_s
     found = np.array([edge(across) for across in samples]) - offset
     assert np.mean(found) == pytest.approx(0, abs=FOUND_EDGE)
     assert np.std(found) == pytest.approx((information * length) ** -0.5, rel=EDGE_DEVIATION)
+
+
+def circle(radius):
+    turn = np.linspace(0, 2 * np.pi, round(10 * np.pi * radius), endpoint=False)
+    return radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+
+
+def edge_of_disc(radius, noise, seed, randomness=1.0):
+    """A sample of density 1 that ends at a circle, and its edge."""
+    rng = np.random.default_rng(seed)
+    count = rng.poisson(np.pi * (radius**2 - (radius - 8) ** 2))
+    turn, away = rng.uniform(0, 2 * np.pi, count), np.sqrt(rng.uniform((radius - 8) ** 2, radius**2, count))
+    points = away[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1) + rng.normal(0, noise, (count, 2))
+    return EdgeSample(Spacing(cKDTree(points), np.ones(count)), noise, randomness, shapely.MultiPolygon())
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.2, 0.5])
+def test_the_edge_of_a_disc_is_off_by_its_curvature_as_the_table_says(noise):
+    """The density at a radius, blurred: a Gaussian about each place of the disc, in polar coordinates."""
+    radius, seen = 20.0, blurred(np.array([noise]))
+    r, t = np.linspace(radius - 10, radius + 5, 6001), np.linspace(radius - 14, radius, 2801)
+    density = np.clip((radius - r) / (r[1] - r[0]) + 0.5, 0, 1)
+    if noise:
+        part = np.exp(-((r[::4, None] - t) ** 2) / (2 * noise**2)) * ive(0, r[::4, None] * t / noise**2) * t / noise**2
+        density = np.interp(r, r[::4], np.trapezoid(part, t, axis=1))
+
+    def excess(edge):
+        """The scores at a circle, in the mean, less its length, over that."""
+        at = radius + edge
+        return np.trapezoid(density * r * score((at - r) / seen.blur), r) / seen.blur[0] / at - 1
+
+    assert brentq(excess, -1, 1) - seen.offset[0] == pytest.approx(seen.curved[0] / radius, abs=CURVED_EDGE)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.5])
+def test_a_softer_edge_bends_to_its_points_by_as_much_more_as_is_said(noise):
+    seen, found, wide = blurred(np.array([noise])), [], (4.0, 2.0)
+    for seed in range(8):
+        frame = edge_frame(circle(60.0), NO_TIPS, edge_of_disc(60.0, noise, seed))
+        blur, start = np.full(len(frame.curve), seen.blur[0]), np.zeros(len(frame.curve))
+        stiff, soft = (most_likely(frame, blur, seen.information * each**6 + start, start) for each in wide)
+        found.append(np.mean(soft - stiff))
+    expected = seen.fitted[0] * (1 / wide[1] - 1 / wide[0])
+    assert np.mean(found) == pytest.approx(expected, abs=FITTED_EDGE)
+
+
+def test_an_edge_that_goes_a_part_of_the_way_ends_where_it_would_in_the_mean():
+    off = []
+    for seed in range(8):
+        whole, part = (fit_edge(circle(60.0), NO_TIPS, edge_of_disc(60.0, 0.0, seed, share)).curve for share in (1, 0.7))
+        off.append(np.hypot(*part.T).mean() - np.hypot(*whole.T).mean())
+    assert np.mean(off) == pytest.approx(0, abs=PART_OF_THE_WAY)
+
+
+def test_the_lengths_of_nodes_are_the_area_that_they_move_over():
+    turn = np.linspace(0, 2 * np.pi, 3000, endpoint=False)
+    rough = ((30 + 0.3 * np.cos(60 * turn)) * [np.cos(turn), np.sin(turn)]).T
+    frame = edge_frame(rough, NO_TIPS, edge_of_disc(30.0, 0.0, 0))
+    by = 1e-5
+    areas = [shapely.Polygon(frame.curve + side * by * frame.normals).area for side in (1, -1)]
+    assert (areas[0] - areas[1]) / (2 * by) == pytest.approx(frame.length.sum(), rel=AREA_MOVED)
 
 
 @pytest.mark.parametrize(("noise", "most"), [(0.0, EDGE_RMS), (0.5, EDGE_RMS_NOISY)])

@@ -14,6 +14,9 @@ OTHERS = 2
 many a blade ends in a tip that is as narrow as its stalk for a while."""
 OUTER = 0.5
 """Of the stalk's length, over which an end is compared with it."""
+COMMON = 0.5
+"""Of its distance, that an end has its way in common with others, at most. From the base of one finger the ways to all
+others begin alike; two places of one round margin have more in common: a broad blade's side and its tip 0.7."""
 WIDTHS, DEPTHS = 2.0, 0.25
 """Times wider or narrower that what is alike is at most, and how far its depths over widths differ."""
 
@@ -51,7 +54,7 @@ def is_one_of_several(ways: PointWays, stalk: BoolArray, distance: FloatArray, n
     own = _profile(ways, distance, length, noise)
     base = int(rest[distance[rest].argmin()])
     alike = 0
-    for end, away in ways.ends_from(base, stalk):
+    for end, away in ways.ends_from(base, COMMON, stalk):
         if away < OUTER * length:
             break
         alike += _profile(ways, ways.from_point(end), length, noise).resembles(own)

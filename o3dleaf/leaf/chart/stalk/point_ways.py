@@ -15,13 +15,8 @@ NEIGHBORS = 16
 """Points that each is joined to: rows of a scanner four times as far apart as their points still hang together."""
 CELL = 6
 """Neighbor whose distance tells the area of a point's cell: π r²/6 has the right mean, whatever the pattern."""
-MOST_ENDS = 12
-"""Ends of a cloud that are looked at, the farthest first: a palmate leaf has up to ten, and the petiole may be the
-shortest."""
-COMMON = 0.5
-"""Of its distance, that an end has its way in common with those found before, at most. From the base of one finger the
-ways to all others begin alike, and more so the shorter they are; two places of one round margin have more in common: a
-half, and of a broad blade's tip and side 0.7."""
+MOST_ENDS = 6
+"""Ends of a cloud that are looked at, the farthest first."""
 
 
 class PointWays:
@@ -62,17 +57,18 @@ class PointWays:
         second = int(np.argmax(self.from_point(start)))
         return second, int(np.argmax(self.from_point(second)))
 
-    def ends_from(self, point: int, taken: BoolArray | None = None) -> Iterator[tuple[int, float]]:
+    def ends_from(self, point: int, common: float, taken: BoolArray | None = None) -> Iterator[tuple[int, float]]:
         """Yield ends of the cloud and their distances from a point, the farthest first.
 
-        The next one is the farthest point whose way is its own for most of its length; none among those `taken` (n,).
+        The next one is the farthest point of whose way no more than the share `common` is that of one found before;
+        none among those `taken` (n,).
         """
         away = self.from_point(point)
-        common = np.zeros(len(away)) if taken is None else np.where(taken, np.inf, 0.0)
+        shared = np.zeros(len(away)) if taken is None else np.where(taken, np.inf, 0.0)
         for _ in range(MOST_ENDS):
-            free = np.where(common <= COMMON * away, away, 0.0)
+            free = np.where(shared <= common * away, away, 0.0)
             end = int(free.argmax())
             if not free[end] > 0:
                 return
             yield end, float(free[end])
-            common = np.maximum(common, (away[end] + away - self.from_point(end)) / 2)
+            shared = np.maximum(shared, (away[end] + away - self.from_point(end)) / 2)

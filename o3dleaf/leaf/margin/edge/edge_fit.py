@@ -27,8 +27,10 @@ CHANGE = 0.0307
 """Variance by which the curve changes from one bandwidth to the next, times information and bandwidth:
 (1/π) ∫ (H(u) − H(√2 u))² du with H(u) = 1/(1 + u⁶)."""
 BEYOND_CHANCE = 3.0
-"""Deviations of that change from which on it is taken for none of chance's: 300 spacings of margin have about one such
-by chance, and there the softer curve costs little; a corner that is missed costs more."""
+"""Deviations of that change from which on it is taken for none of chance's. Gaps between points pass for such changes
+too: a tenth of a straight margin keeps the softer curve by chance, 0.012 spacings farther inside in the mean; a corner
+that is missed costs more. Nine units of twice the gain in log likelihood would be as rare as they should be, and would
+miss bays of ten spacings."""
 SPREAD = 2.0
 """Bandwidths to both sides of such a place in which the softer curve stays."""
 MOST_MOVED = 1.5
