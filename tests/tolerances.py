@@ -998,8 +998,8 @@ EDGE_TURNED = 2e-3
 # --- the petiole ---
 
 FINGER_END = 4.0
-"""From the middle of the square end of a finger 5 wide to its corner, 2.5, and two spacings; an end that is not found is
-20 and more off."""
+"""From the middle of the square end of a finger 5 wide to its corner, 2.5, and two spacings; one that is not found
+is 20 and more off."""
 
 JUNCTION = 1.0
 """Spacings that the end of a petiole may be off: margins are asked to be right to one. Of 96 round

@@ -94,7 +94,9 @@ def test_a_softer_edge_bends_to_its_points_by_as_much_more_as_is_said(noise):
 def test_an_edge_that_goes_a_part_of_the_way_ends_where_it_would_in_the_mean():
     off = []
     for seed in range(8):
-        whole, part = (fit_edge(circle(60.0), NO_TIPS, edge_of_disc(60.0, 0.0, seed, share)).curve for share in (1, 0.7))
+        whole, part = (
+            fit_edge(circle(60.0), NO_TIPS, edge_of_disc(60.0, 0.0, seed, share)).curve for share in (1, 0.7)
+        )
         off.append(np.hypot(*part.T).mean() - np.hypot(*whole.T).mean())
     assert np.mean(off) == pytest.approx(0, abs=PART_OF_THE_WAY)
 

@@ -52,13 +52,13 @@ def score(z: FloatArray) -> FloatArray:
 
 @cache
 def _tables() -> tuple[FloatArray, FloatArray]:
-    """Return ratios of the noise to the blur (q,), and what `BlurredEdge` has but for the blur (q, 4), of a blur of 1."""
+    """Return ratios of the noise to the blur (q,), and of each what `BlurredEdge` has besides (q, 4), of a blur of 1."""
     ratios = np.linspace(0.0, 1.0, 11)
     return ratios, np.array([_of_unit_blur(ratio) for ratio in ratios])
 
 
 def _of_unit_blur(noise: float) -> tuple[float, float, float, float]:
-    r"""Return offset, information, the bias of a fitted curve and that of a bent one, of an edge seen through a blur of 1.
+    """Return offset, information and the biases of a fitted and of a bent curve, of an edge seen through a blur of 1.
 
     With λ(x) the density of the points and g = φ/Φ the score, M(d) = ∫ λ g(d − x) dx, the edge is found where M is 1.
     A curve that is fitted is moved by each point, so that the point's score is less by g' g K(0)/|M'|, and the mean of
