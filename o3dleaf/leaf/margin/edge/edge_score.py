@@ -52,7 +52,7 @@ def score(z: FloatArray) -> FloatArray:
 
 @cache
 def _tables() -> tuple[FloatArray, FloatArray]:
-    """Return ratios of the noise to the blur (q,), and of each what `BlurredEdge` has besides (q, 4), of a blur of 1."""
+    """Return ratios of the noise to the blur (q,), and what `BlurredEdge` has of each besides a blur of 1 (q, 4)."""
     ratios = np.linspace(0.0, 1.0, 11)
     return ratios, np.array([_of_unit_blur(ratio) for ratio in ratios])
 
