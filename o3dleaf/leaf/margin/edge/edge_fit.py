@@ -80,12 +80,12 @@ def fit_edge(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeF
     frame = edge_frame(curve, apexes, sample)
     seen, bandwidth = blurred(frame.noise), np.full(len(frame.curve), FIRST)
     moved = most_likely(frame, seen.blur, seen.information * bandwidth**6, np.zeros(len(frame.curve)))
-    curve = _moved(frame, moved - seen.bias(bandwidth, frame.curvature), sample.randomness)
+    curve = _moved(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.randomness)
     # Distances are taken anew from where the curve has come to.
     frame = edge_frame(curve, curve[frame.apexes], sample)
     seen = blurred(frame.noise)
     moved, bandwidth = widened(frame, seen)
-    curve = _moved(frame, moved - seen.bias(bandwidth, frame.curvature), sample.randomness)
+    curve = _moved(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.randomness)
     return EdgeFit(curve, frame.spacing, frame.observed, frame.apexes)
 
 

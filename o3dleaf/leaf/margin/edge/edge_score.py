@@ -39,9 +39,12 @@ class BlurredEdge(NamedTuple):
     fitted: FloatArray
     curved: FloatArray
 
-    def bias(self, bandwidth: FloatArray, curvature: FloatArray) -> FloatArray:
-        """Return how far (n,) a curve of greatest likelihood lies from the true one in the mean."""
-        return np.asarray(self.offset + self.fitted / bandwidth + self.curved * curvature)
+    def bias(self, bandwidth: FloatArray, curvature: FloatArray, randomness: float) -> FloatArray:
+        """Return how far (n,) a curve of greatest likelihood lies from the true one in the mean.
+
+        Offset and curvature are of the mean density alone; fitted to is what varies, as much less as it is random.
+        """
+        return np.asarray(self.offset + randomness * self.fitted / bandwidth + self.curved * curvature)
 
 
 def score(z: FloatArray) -> FloatArray:
