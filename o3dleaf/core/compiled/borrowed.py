@@ -71,7 +71,7 @@ def _is_basic(index: types.Type) -> bool:
     return all(isinstance(part, types.Integer | types.SliceType | types.EllipsisType) for part in parts)
 
 
-@register_pass(mutates_CFG=False, analysis_only=True)  # type: ignore[untyped-decorator]
+@register_pass(mutates_CFG=False, analysis_only=True)
 class BorrowedReferences(AnalysisPass):
     """Numba's pass that has the code of such a function made without counts."""
 
