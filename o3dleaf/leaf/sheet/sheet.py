@@ -18,6 +18,7 @@ from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.parting import other_layers
 from o3dleaf.leaf.sheet.pieces.leftovers import Leftovers, tell_averaging, tell_cuts
 from o3dleaf.leaf.sheet.pieces.necks import find_necks
+from o3dleaf.leaf.sheet.pieces.resting import find_resting
 from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.scan_lines import without_scan_lines
 from o3dleaf.leaf.sheet.widths import (
@@ -135,13 +136,17 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
 
 
 class _Solved(NamedTuple):
-    """Sheets at widths (n,), which exceed `base` where layers were averaged, rows (n,) of a scan, and other layers'."""
+    """Sheets at widths (n,), which exceed `base` where layers were averaged, rows (n,) of a scan, and other sheets'.
+
+    Notes are of leaves that rest on one another.
+    """
 
     sheets: OpenSheets
     width: FloatArray
     base: float
     rows: IntArray
     others: IntArray = np.empty(0, np.int64)
+    notes: tuple[str, ...] = ()
 
 
 def _with_strays(sheet: OpenSheet, scan: FloatArray, used: IntArray) -> OpenSheet:
@@ -177,7 +182,7 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet
     passes = find_passes(scan[solved.rows], sheets)
     joined = len(passes.places) > 0 or bool((solved.width > solved.base).any())
     averaged = tell_averaging(scan[solved.rows], solved.width, solved.base, passes)
-    notes = averaged + slits + tell_cuts(sheets.cut, flaps, scan)
+    notes = solved.notes + averaged + slits + tell_cuts(sheets.cut, flaps, scan)
     whole = spacing * float(np.sqrt(held.sum() / len(rows)))
     return OpenSheet(vertices, triangles, rows, whole, float(solved.width.max()) if joined else 0.0, notes)
 
@@ -218,6 +223,11 @@ def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
     fewer = 1 if is_tube else int(np.ceil((thickness / (MEETING * spacing)) ** 2))
     if fewer > 1 and len(some) // fewer >= FEWEST:
         return _solve(scan, some[thinned(len(some), fewer)], one_sheet=one_sheet)
+    resting = None if sheets.is_closed else find_resting(sheets)
+    if resting is not None and len(resting.others):
+        solved = _solve(scan, np.delete(some, resting.others), one_sheet=one_sheet)
+        others = np.append(some[resting.others], solved.others)
+        return solved._replace(others=others, notes=(resting.note, *solved.notes))
     if base == 0 and len(find_layers(sheets, is_tube=is_tube)[0]) >= FEWEST:
         others = other_layers(cloud.points, spacing, cloud.noise)
         if len(others):
@@ -231,7 +241,8 @@ def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
         width = widen(cloud.points, np.full(len(cloud), base), layers)
         sheets = OpenSheets.of(cloud.points, width, spacing)
         progress.report(round_ + 1, ROUNDS)
-    return _Solved(_part_branches(cloud.points, width, sheets), width, base, some)
+    notes = () if resting is None else (resting.note,)
+    return _Solved(_part_branches(cloud.points, width, sheets), width, base, some, notes=notes)
 
 
 def _some(points: FloatArray) -> FloatArray:
