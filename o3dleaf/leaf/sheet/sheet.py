@@ -223,7 +223,7 @@ def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
     fewer = 1 if is_tube else int(np.ceil((thickness / (MEETING * spacing)) ** 2))
     if fewer > 1 and len(some) // fewer >= FEWEST:
         return _solve(scan, some[thinned(len(some), fewer)], one_sheet=one_sheet)
-    resting = None if sheets.is_closed else find_resting(sheets)
+    resting = None if sheets.is_closed else find_resting(cloud.points, cloud.noise, sheets)
     if resting is not None and len(resting.others):
         solved = _solve(scan, np.delete(some, resting.others), one_sheet=one_sheet)
         others = np.append(some[resting.others], solved.others)
