@@ -32,10 +32,23 @@ BATCH_SIZE = 2048
 
 
 class Resting(NamedTuple):
-    """Rows (k,) of the points of leaves above or below the largest one, none if not told apart, and a line on them."""
+    """Rows of a scan on the leaf with the largest sheet (k,) and on the other one, none if not told apart, and where."""
 
-    others: IntArray
-    note: str
+    leaves: tuple[IntArray, ...]
+    where: str
+
+    def spread(self, nearest: IntArray, pool: IntArray) -> "Resting":
+        """Return the same of more points `pool` (m,), each of which goes with the `nearest` (m,) of those that were used."""
+        return self._replace(leaves=tuple(pool[np.isin(nearest, leaf)] for leaf in self.leaves))
+
+    def tell(self, held: IntArray, pieces: str) -> str:
+        """Return a line on what lies on what, how much of a sheet that holds some rows (k,) is the other one's."""
+        said = f"two leaves, or parts of one, lie on one another {self.where}"
+        if not self.leaves:
+            return f"{said}, and touch over so much that nothing shows which points are whose: cut them apart"
+        lesser = min(len(np.intersect1d(held, leaf)) for leaf in self.leaves)
+        joined = f": taken as one sheet, with {lesser:,} points of the lesser" if lesser >= FEWEST else ""
+        return f"{said}{joined}; `piece` takes one of {pieces}"
 
 
 class _Parted(NamedTuple):
@@ -57,8 +70,8 @@ class _Parted(NamedTuple):
         return self.length <= NARROW * float(np.sqrt(self.lesser))
 
 
-def find_resting(points: FloatArray, noise: float, sheets: OpenSheets) -> Resting | None:
-    """Return what belongs to another leaf that lies on the one with the largest sheet, or under it; None if none does.
+def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: IntArray) -> Resting | None:
+    """Return the points of the leaf with the largest sheet and of another that lies on it, or under it; None if none.
 
     A point that lies over another one, along the normal and facing its way, is of the upper leaf, and that one of the
     lower: a margin that runs over a face, or two faces. All others go with those that they are linked to along their
@@ -72,6 +85,8 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets) -> Restin
     noise : float
     sheets : OpenSheets
         Of the points averaged for their noise, and no more.
+    rows : (n,) ndarray of int
+        Of the points, in the scan.
     """
     normals, spacing = _facing(sheets), sheets.spacing
     upper, lower, heights = _one_over_another(sheets.points, normals, REACH * spacing, OFF * spacing)
@@ -93,23 +108,14 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets) -> Restin
     main = side[np.argmax(np.bincount(piece)[piece])]
     if main == 0 or parted.lesser < LEAST * np.count_nonzero(side):
         return None
-    place, share = tell_middle(points[upper | lower], points), 100 * (upper | lower).mean()
+    where = f"around {tell_middle(points[upper | lower], points)}, {100 * (upper | lower).mean():.2g} % of the points"
     if not parted.is_narrow:
-        note = (
-            f"two leaves lie on one another around {place}, and touch over so much that nothing shows which points are "
-            f"whose: they are taken for one, at least {share:.2g} % of it wrongly; cut them apart"
-        )
-        return Resting(np.empty(0, np.int64), note)
-    return Resting(np.flatnonzero(side == -main), _tell(parted, place, spacing))
-
-
-def _tell(parted: _Parted, place: str, spacing: float) -> str:
-    note = f"another leaf lies on this one, or under it, around {place}"
+        return Resting((), where)
     if parted.length > 0:
-        note += f"; they touch, and are parted there along about {parted.length * spacing:.2g}"
+        where += f", and touch along about {parted.length * spacing:.2g}"
     if parted.unsure:
-        note += f"; {parted.unsure:,} points lie within the noise of both"
-    return note
+        where += f" ({parted.unsure:,} points within the noise of both)"
+    return Resting((rows[side == main], rows[side == -main]), where)
 
 
 def _facing(sheets: OpenSheets) -> FloatArray:
