@@ -32,7 +32,7 @@ BATCH_SIZE = 2048
 
 
 class Resting(NamedTuple):
-    """Rows of a scan on the leaf with the largest sheet (k,) and on the other one, none if not told apart, and where."""
+    """Rows (k,) of a scan on either leaf, none if they are not told apart, and where they lie on one another."""
 
     leaves: tuple[IntArray, ...]
     where: str
@@ -71,7 +71,7 @@ class _Parted(NamedTuple):
 
 
 def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: IntArray) -> Resting | None:
-    """Return the points of the leaf with the largest sheet and of another that lies on it, or under it; None if none.
+    """Return the points of two leaves that lie on one another, one of them with the largest sheet, or None.
 
     A point that lies over another one, along the normal and facing its way, is of the upper leaf, and that one of the
     lower: a margin that runs over a face, or two faces. All others go with those that they are linked to along their
@@ -94,20 +94,18 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
         return None
     links = Links.of(sheets.points, normals, spacing)
     parted = _Parted(*minimum_cut(links, upper, lower))
+    side = parted.above.astype(np.int64) - parted.below
+    piece = links.kept(side[links.one] == side[links.other]).groups(len(side))
+    if side[np.argmax(np.bincount(piece)[piece])] == 0 or parted.lesser < LEAST * np.count_nonzero(side):
+        return None
     if parted.length > 0:
-        told = tell_by_surface(
-            points, normals, parted.above, np.flatnonzero(~(upper | lower)), spacing, max(noise, CLEAN * spacing)
-        )
+        free = np.flatnonzero(~(upper | lower))
+        told = tell_by_surface(points, normals, parted.above, free, spacing, max(noise, CLEAN * spacing))
         if told is not None:
             one, other = upper.copy(), lower.copy()
             one[told.rows], other[told.rows] = told.first, ~told.first
             again = _Parted(*minimum_cut(links, one, other), told.unsure)
             parted = min(parted, again, key=lambda each: each.length)
-    side = parted.above.astype(np.int64) - parted.below
-    piece = links.kept(side[links.one] == side[links.other]).groups(len(side))
-    main = side[np.argmax(np.bincount(piece)[piece])]
-    if main == 0 or parted.lesser < LEAST * np.count_nonzero(side):
-        return None
     where = f"around {tell_middle(points[upper | lower], points)}, {100 * (upper | lower).mean():.2g} % of the points"
     if not parted.is_narrow:
         return Resting((), where)
@@ -115,7 +113,7 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
         where += f", and touch along about {parted.length * spacing:.2g}"
     if parted.unsure:
         where += f" ({parted.unsure:,} points within the noise of both)"
-    return Resting((rows[side == main], rows[side == -main]), where)
+    return Resting((rows[parted.above], rows[parted.below]), where)
 
 
 def _facing(sheets: OpenSheets) -> FloatArray:
