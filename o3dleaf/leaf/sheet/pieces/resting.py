@@ -69,6 +69,11 @@ class _Parted(NamedTuple):
         """Whether the leaves touch along so little that they are told apart."""
         return self.length <= NARROW * float(np.sqrt(self.lesser))
 
+    @property
+    def is_shred(self) -> bool:
+        """Whether the lesser one is too small for a leaf."""
+        return self.lesser < LEAST * np.count_nonzero(self.above | self.below)
+
 
 def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: IntArray) -> Resting | None:
     """Return the points of two leaves that lie on one another, one of them with the largest sheet, or None.
@@ -94,11 +99,7 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
         return None
     links = Links.of(sheets.points, normals, spacing)
     parted = _Parted(*minimum_cut(links, upper, lower))
-    side = parted.above.astype(np.int64) - parted.below
-    piece = links.kept(side[links.one] == side[links.other]).groups(len(side))
-    if side[np.argmax(np.bincount(piece)[piece])] == 0 or parted.lesser < LEAST * np.count_nonzero(side):
-        return None
-    if parted.length > 0:
+    if parted.length > 0 and not (parted.is_narrow and parted.is_shred):
         free = np.flatnonzero(~(upper | lower))
         told = tell_by_surface(points, normals, parted.above, free, spacing, max(noise, CLEAN * spacing))
         if told is not None:
@@ -106,6 +107,10 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
             one[told.rows], other[told.rows] = told.first, ~told.first
             again = _Parted(*minimum_cut(links, one, other), told.unsure)
             parted = min(parted, again, key=lambda each: each.length)
+    side = parted.above.astype(np.int64) - parted.below
+    piece = links.kept(side[links.one] == side[links.other]).groups(len(side))
+    if side[np.argmax(np.bincount(piece)[piece])] == 0 or parted.is_shred:
+        return None
     where = f"around {tell_middle(points[upper | lower], points)}, {100 * (upper | lower).mean():.2g} % of the points"
     if not parted.is_narrow:
         return Resting((), where)
