@@ -21,10 +21,11 @@ SPACING = 0.8
 
 def run(number, options):
     """Print the lines of one scan."""
-    asked, scan = drawn_leaves(number, held_out=options.held_out)
+    leaves = drawn_leaves(number, held_out=options.held_out)
+    scan = leaves.scan()
     count = np.bincount(scan.leaf)
-    place, view = "tip" if asked["tip"] else "middle", "above" if asked["hidden"] else "full"
-    print(f"{number:2d} {place}, {view}, gap {asked['gap']:g}, noise {asked['noise']:g}: {count[0]} + {count[1]} points")
+    how = f"{'tip' if leaves.tip else 'middle'}, {'above' if leaves.hidden else 'full'}"
+    print(f"{number:2d} {how}, gap {leaves.gap:g}, noise {leaves.noise:g}: {count[0]} + {count[1]} points", flush=True)
     sheet = find_sheet(scan.points)
     pieces = [np.bincount(scan.leaf[rows], minlength=2) for rows in sheet.leftovers.pieces]
     shown = ", ".join(f"{one} + {other}" for one, other in pieces)

@@ -98,16 +98,16 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
     Points are averaged across the surface as much as their noise needs, and more where layers lie closer than four
     spacings and face one way: passes of a scanner that disagree, or the two sides of a thin leaf. Triangles are the
     Delaunay stars of the tangent planes, glued along their edges so that no handle comes about. Layers that averaging
-    does not join are other sheets, and left out. Leaves that rest on one another are told; which points are whose counts
-    where one of them is asked for.
+    does not join are other sheets, and left out. Leaves that rest on one another are told, and parted where one of them
+    is asked for.
 
     Parameters
     ----------
     points : (n, 3) array_like or Open3D point cloud
         Of a leaf, and whatever else was scanned.
     piece : int, optional
-        Which of the pieces and layers, 1 for the largest sheet or, where parts of it hang together by narrow necks or lie
-        on one another, the largest of them; left out, that sheet as a whole.
+        Which of the pieces and layers, 1 for the largest sheet or, where parts of it hang together by narrow necks or
+        lie on one another, the largest of them; left out, that sheet as a whole.
     one_sheet : bool
         Whether layers that lie close together are one surface. If not, a scan with such layers is refused.
 
@@ -150,9 +150,7 @@ class _Solved(NamedTuple):
     resting: Resting | None = None
 
 
-def _parts(
-    scan: FloatArray, sheet: OpenSheet, resting: Resting | None
-) -> tuple[tuple[IntArray, ...], tuple[str, ...]]:
+def _parts(scan: FloatArray, sheet: OpenSheet, resting: Resting | None) -> tuple[tuple[IntArray, ...], tuple[str, ...]]:
     """Return the rows of each part of a sheet that can be asked for, and a line on necks between them."""
     if resting is not None:
         return resting.leaves, ()

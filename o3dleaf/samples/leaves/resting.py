@@ -1,5 +1,6 @@
 """Two leaves of known shape of which one rests on the other, and a scan of both that says which points are whose."""
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ MIDDLE, TIP = 0.5, 0.93
 """Of the upper leaf's length, the place that is laid onto the lower one."""
 MESH_STEP = 0.5
 """Step in millimeters of the meshes that tell how far one leaf is above the other."""
-VIEWS, GAPS, NOISES = ("above", "full"), (0.0, 0.5, 1.0, 2.0), (0.0, 0.2, 0.5)
+GAPS, NOISES = (0.0, 0.5, 1.0, 2.0), (0.0, 0.2, 0.5)
 
 
 class RestingScan(NamedTuple):
@@ -30,27 +31,11 @@ class RestingScan(NamedTuple):
     areas: FloatArray
 
 
-def resting_leaves(
-    *,
-    tip: bool = False,
-    hidden: bool = True,
-    gap: float = 0.0,
-    noise: float = 0.0,
-    angle: float = 60.0,
-    tilt: float = 10.0,
-    lengths: tuple[float, float] = (80.0, 75.0),
-    widths: tuple[float, float] = (32.0, 30.0),
-    ovals: tuple[bool, bool] = (False, False),
-    arch: float = 45.0,
-    bend: float = 20.0,
-    curl: float = 25.0,
-    shift: tuple[float, float] = (0.0, 0.0),
-    spacing: float = 0.8,
-    seed: int = 0,
-) -> RestingScan:
-    """Return a scan of a leaf that rests on an arched one; millimeters and degrees, gap and noise in spacings.
+@dataclass(frozen=True, kw_only=True)
+class RestingLeaves:
+    """A leaf that rests on an arched one, and how both are scanned; millimeters and degrees, gap and noise in spacings.
 
-    Parameters
+    Attributes
     ----------
     tip : bool
         Whether its tip rests there, else its middle.
@@ -72,49 +57,69 @@ def resting_leaves(
     spacing : float
     seed : int
     """
-    rng = np.random.default_rng(seed)
-    outlines = [
-        (oval_outline if oval else long_outline)(length, width)
-        for oval, length, width in zip(ovals, lengths, widths, strict=True)
-    ]
-    lower = LeafShape("curled", Sweep(lengths[0], arch=(-np.radians(arch), 0.0)), outlines[0])
-    upper_sweep = Sweep(lengths[1], arch=(np.radians(bend), 0.0), curl=2 * np.radians(curl) / widths[1])
-    upper = LeafShape("curled", upper_sweep, outlines[1])
-    below = _Pose.of(lower, ((0.5 + shift[0]) * lengths[0], shift[1] * widths[0]), np.eye(3))
-    turn = Rotation.from_euler("ZY", [angle, tilt if tip else 0.0], degrees=True).as_matrix()
-    above = _Pose.of(upper, ((TIP if tip else MIDDLE) * lengths[1], 0.0), turn)
-    ground, over = below.moved(lower.mesh(MESH_STEP)[0]), above.moved(upper.mesh(MESH_STEP)[0])
-    height = over[:, 2] - LinearNDInterpolator(ground[:, :2], ground[:, 2])(over[:, :2])
-    lift = np.array([0.0, 0.0, gap * spacing - np.nanmin(height)])
-    first = below.moved(lower.lift(draw_places(lower, spacing, "random", rng)))
-    second = above.moved(upper.lift(draw_places(upper, spacing, "random", rng))) + lift
-    if hidden:
-        first = first[~shapely.contains_xy(Polygon(above.moved(upper.margin(MESH_STEP)[0])[:, :2]), *first[:, :2].T)]
-    points, counts = np.concatenate([first, second]), np.array([len(first), len(second)])
-    points += rng.normal(0.0, noise * spacing, points.shape)
-    return RestingScan(points, np.repeat([0, 1], counts), counts * spacing**2)
+
+    tip: bool = False
+    hidden: bool = True
+    gap: float = 0.0
+    noise: float = 0.0
+    angle: float = 60.0
+    tilt: float = 10.0
+    lengths: tuple[float, float] = (80.0, 75.0)
+    widths: tuple[float, float] = (32.0, 30.0)
+    ovals: tuple[bool, bool] = (False, False)
+    arch: float = 45.0
+    bend: float = 20.0
+    curl: float = 25.0
+    shift: tuple[float, float] = (0.0, 0.0)
+    spacing: float = 0.8
+    seed: int = 0
+
+    def scan(self) -> RestingScan:
+        """Return the points of both."""
+        rng = np.random.default_rng(self.seed)
+        outlines = [
+            (oval_outline if oval else long_outline)(length, width)
+            for oval, length, width in zip(self.ovals, self.lengths, self.widths, strict=True)
+        ]
+        lower = LeafShape("curled", Sweep(self.lengths[0], arch=(-np.radians(self.arch), 0.0)), outlines[0])
+        curl = 2 * np.radians(self.curl) / self.widths[1]
+        upper = LeafShape("curled", Sweep(self.lengths[1], arch=(np.radians(self.bend), 0.0), curl=curl), outlines[1])
+        place = (0.5 + self.shift[0]) * self.lengths[0], self.shift[1] * self.widths[0]
+        below = _Pose.of(lower, place, np.eye(3))
+        turn = Rotation.from_euler("ZY", [self.angle, self.tilt if self.tip else 0.0], degrees=True).as_matrix()
+        above = _Pose.of(upper, ((TIP if self.tip else MIDDLE) * self.lengths[1], 0.0), turn)
+        ground, over = below.moved(lower.mesh(MESH_STEP)[0]), above.moved(upper.mesh(MESH_STEP)[0])
+        height = over[:, 2] - LinearNDInterpolator(ground[:, :2], ground[:, 2])(over[:, :2])
+        lift = np.array([0.0, 0.0, self.gap * self.spacing - np.nanmin(height)])
+        first = below.moved(lower.lift(draw_places(lower, self.spacing, "random", rng)))
+        second = above.moved(upper.lift(draw_places(upper, self.spacing, "random", rng))) + lift
+        if self.hidden:
+            cover = Polygon(above.moved(upper.margin(MESH_STEP)[0])[:, :2])
+            first = first[~shapely.contains_xy(cover, *first[:, :2].T)]
+        points, counts = np.concatenate([first, second]), np.array([len(first), len(second)])
+        points += rng.normal(0.0, self.noise * self.spacing, points.shape)
+        return RestingScan(points, np.repeat([0, 1], counts), counts * self.spacing**2)
 
 
-def drawn_leaves(number: int, *, held_out: bool = False) -> tuple[dict[str, object], RestingScan]:
-    """Return the options and the scan of one of a family: tips and middles, both views, gaps and noises in turn."""
+def drawn_leaves(number: int, *, held_out: bool = False) -> RestingLeaves:
+    """Return one of a family: tips and middles, both views, gaps and noises in turn, all else by chance."""
     rng = np.random.default_rng((7000 if held_out else 100) + number)
-    options: dict[str, object] = {
-        "tip": number % 2 == 1,
-        "hidden": VIEWS[number // 2 % 2] == "above",
-        "gap": GAPS[number // 4 % 4],
-        "noise": NOISES[number % 3],
-        "angle": rng.uniform(30, 90),
-        "tilt": rng.uniform(5, 20),
-        "arch": rng.uniform(20, 70),
-        "bend": rng.uniform(5, 35),
-        "curl": rng.uniform(5, 50),
-        "lengths": tuple(rng.uniform(60, 90, 2)),
-        "widths": tuple(rng.uniform(24, 40, 2)),
-        "ovals": tuple(rng.integers(0, 2, 2) > 0),
-        "shift": tuple(rng.uniform(-0.15, 0.15, 2)),
-        "seed": number + (500 if held_out else 0),
-    }
-    return options, resting_leaves(**options)  # type: ignore[arg-type]
+    return RestingLeaves(
+        tip=number % 2 == 1,
+        hidden=number // 2 % 2 == 0,
+        gap=GAPS[number // 4 % 4],
+        noise=NOISES[number % 3],
+        angle=rng.uniform(30, 90),
+        tilt=rng.uniform(5, 20),
+        arch=rng.uniform(20, 70),
+        bend=rng.uniform(5, 35),
+        curl=rng.uniform(5, 50),
+        lengths=(rng.uniform(60, 90), rng.uniform(60, 90)),
+        widths=(rng.uniform(24, 40), rng.uniform(24, 40)),
+        ovals=(rng.random() < 0.5, rng.random() < 0.5),
+        shift=(rng.uniform(-0.15, 0.15), rng.uniform(-0.15, 0.15)),
+        seed=number + (500 if held_out else 0),
+    )
 
 
 class _Pose(NamedTuple):

@@ -9,7 +9,6 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.places import tell_middle, tell_place
-from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.widths import Passes
 from o3dleaf.surface.mesh.deviation import nearest_on_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, label_nodes
@@ -67,7 +66,7 @@ class Leftovers:
         spacing: float,
         parts: tuple[IntArray, ...] = (),
     ) -> "Leftovers":
-        """Group the points of a scan that a sheet does not hold, and those of each of some `parts` that hang together."""
+        """Group the points that a sheet does not hold, and those of each of some `parts`, that hang together."""
         rest = np.setdiff1d(np.arange(len(scan)), held)
         groups = _groups(scan, rest, LINK * spacing)
         edges = EdgeTable.of(triangles)

@@ -18,7 +18,7 @@ from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
 
 REACH = 2 * WIDEST
 """Distance in spacings up to which one point is seen to lie over another: passes of one sheet end at half of it."""
-RISING = 0.2
+RISING = 0.1
 """Share of these places from which on the upper one lies farther off than passes do: what rests on a leaf rises from
 it, where passes keep their distance."""
 FEWEST = 24
@@ -38,7 +38,7 @@ class Resting(NamedTuple):
     where: str
 
     def spread(self, nearest: IntArray, pool: IntArray) -> "Resting":
-        """Return the same of more points `pool` (m,), each of which goes with the `nearest` (m,) of those that were used."""
+        """Return the same of more points `pool` (m,), each of which goes with the `nearest` (m,) of those used."""
         return self._replace(leaves=tuple(pool[np.isin(nearest, leaf)] for leaf in self.leaves))
 
     def tell(self, held: IntArray, pieces: str) -> str:
@@ -52,7 +52,7 @@ class Resting(NamedTuple):
 
 
 class _Parted(NamedTuple):
-    """Points of the upper leaf (n,), of the lower (n,), the length in spacings that they touch along, and unsure ones."""
+    """Points of the upper leaf (n,), of the lower (n,), the spacings that they touch along at least, and unsure ones."""
 
     above: BoolArray
     below: BoolArray
@@ -72,7 +72,7 @@ class _Parted(NamedTuple):
     @property
     def is_shred(self) -> bool:
         """Whether the lesser one is too small for a leaf."""
-        return self.lesser < LEAST * np.count_nonzero(self.above | self.below)
+        return self.lesser < LEAST * int(np.count_nonzero(self.above | self.below))
 
 
 def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: IntArray) -> Resting | None:
@@ -106,7 +106,7 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
             one, other = upper.copy(), lower.copy()
             one[told.rows], other[told.rows] = told.first, ~told.first
             again = _Parted(*minimum_cut(links, one, other), told.unsure)
-            parted = min(parted, again, key=lambda each: each.length)
+            parted = min(parted, again, key=lambda each: (each.is_shred, each.length))
     side = parted.above.astype(np.int64) - parted.below
     piece = links.kept(side[links.one] == side[links.other]).groups(len(side))
     if side[np.argmax(np.bincount(piece)[piece])] == 0 or parted.is_shred:
@@ -115,7 +115,7 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
     if not parted.is_narrow:
         return Resting((), where)
     if parted.length > 0:
-        where += f", and touch along about {parted.length * spacing:.2g}"
+        where += f", and touch along at least {parted.length * spacing:.2g}"
     if parted.unsure:
         where += f" ({parted.unsure:,} points within the noise of both)"
     return Resting((rows[parted.above], rows[parted.below]), where)
