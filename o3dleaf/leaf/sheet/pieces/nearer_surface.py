@@ -1,4 +1,4 @@
-"""Points of two sheets that are both seen, one close over the other, told apart by the surface that each is nearer to."""
+"""Points of two sheets that are both seen, one over the other, told apart by the surface that each is nearer to."""
 
 from typing import NamedTuple
 

@@ -52,7 +52,7 @@ class Resting(NamedTuple):
 
 
 class _Parted(NamedTuple):
-    """Points of the upper leaf (n,), of the lower (n,), the spacings that they touch along at least, and unsure ones."""
+    """Points of the upper leaf (n,), of the lower (n,), spacings that they touch along at least, and unsure ones."""
 
     above: BoolArray
     below: BoolArray
