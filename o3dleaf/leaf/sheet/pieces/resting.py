@@ -51,7 +51,7 @@ class Resting(NamedTuple):
         return f"{said}{joined}; `piece` takes one of {pieces}"
 
 
-class _Parted(NamedTuple):
+class _TwoLeaves(NamedTuple):
     """Points of the upper leaf (n,), of the lower (n,), spacings that they touch along at least, and unsure ones."""
 
     above: BoolArray
@@ -98,14 +98,14 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
     if min(upper.sum(), lower.sum()) < FEWEST or np.mean(heights > WIDEST * spacing) < RISING:
         return None
     links = Links.of(sheets.points, normals, spacing)
-    parted = _Parted(*minimum_cut(links, upper, lower))
+    parted = _TwoLeaves(*minimum_cut(links, upper, lower))
     if parted.length > 0 and not (parted.is_narrow and parted.is_shred):
         free = np.flatnonzero(~(upper | lower))
         told = tell_by_surface(points, normals, parted.above, free, spacing, max(noise, CLEAN * spacing))
         if told is not None:
             one, other = upper.copy(), lower.copy()
             one[told.rows], other[told.rows] = told.first, ~told.first
-            again = _Parted(*minimum_cut(links, one, other), told.unsure)
+            again = _TwoLeaves(*minimum_cut(links, one, other), told.unsure)
             parted = min(parted, again, key=lambda each: (each.is_shred, each.length))
     side = parted.above.astype(np.int64) - parted.below
     piece = links.kept(side[links.one] == side[links.other]).groups(len(side))

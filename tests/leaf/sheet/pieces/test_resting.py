@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf.leaf.sheet.pieces.minimum_cut import Links, minimum_cut
+from o3dleaf.leaf.sheet.pieces.minimum_cut import CROSSING, Links, minimum_cut
 from o3dleaf.leaf.sheet.pieces.nearer_surface import tell_by_surface
 from o3dleaf.leaf.sheet.sheet import find_sheet
 from o3dleaf.samples.leaves.resting import drawn_leaves
@@ -14,8 +14,6 @@ WRONG = 0.025
 and more than 0.2 of the upper one is wrong without the surfaces, where both are seen."""
 AREA = 0.02
 """Of a leaf against what is seen of it: 0.002 and 0.013 found; both together are 0.4 too large."""
-WIDTH = 0.2
-"""Of a bridge's width: 0.06 and 0.11 found of an even sample, of which no cut finds wide gaps."""
 SAID = "lie on one another"
 
 
@@ -23,7 +21,7 @@ def told(sheet):
     return [note for note in sheet.notes if SAID in note]
 
 
-@pytest.mark.parametrize("number", [1, 7, 9, 10, 14], ids=["tip hidden", "tip", "tip a spacing up", "middle", "noise"])
+@pytest.mark.parametrize("number", [1, 3, 10, 14], ids=["tip hidden", "tip", "middle", "noise"])
 def test_two_leaves_of_which_one_rests_on_the_other_are_two_pieces(number):
     scan = drawn_leaves(number).scan()
     sheet = find_sheet(scan.points)
@@ -93,16 +91,16 @@ def test_a_leaf_folded_onto_itself_is_one(noise):
 
 @pytest.mark.parametrize("width", [6, 12])
 def test_two_sheets_that_a_bridge_joins_are_parted_across_it_along_its_width(width):
-    rng = np.random.default_rng(0)
+    """On a square lattice a row has one link along it across each line, two of the next ones, and two over a point."""
     lattice = np.stack(np.meshgrid(np.arange(-40.0, 41.0), np.arange(-19.5, 20.0)), axis=-1).reshape(-1, 2)
     lattice = lattice[(np.abs(lattice[:, 0]) > 5) | (np.abs(lattice[:, 1]) < width / 2)]
-    points = np.column_stack([lattice + rng.normal(0, 0.1, lattice.shape), np.zeros(len(lattice))])
+    points = np.column_stack([lattice, np.zeros(len(lattice))])
     links = Links.of(points, np.tile([0.0, 0.0, 1.0], (len(points), 1)), 1.0)
     first, second, length = minimum_cut(links, points[:, 0] < -30, points[:, 0] > 30)
     assert first[points[:, 0] < -6].all()
     assert second[points[:, 0] > 6].all()
     assert np.array_equal(first, ~second)
-    assert length == pytest.approx(width, rel=WIDTH)
+    assert length == pytest.approx((5 * width - 2) / CROSSING)
 
 
 def crossing(rng, gap, noise, both):
