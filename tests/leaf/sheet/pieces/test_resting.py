@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import o3dleaf as o3l
+from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.leaf.sheet.pieces.minimum_cut import CROSSING, Links, minimum_cut
 from o3dleaf.leaf.sheet.pieces.nearer_surface import tell_by_surface
 from o3dleaf.leaf.sheet.sheet import find_sheet
@@ -55,6 +56,11 @@ def test_each_leaf_has_a_blade_of_its_own():
     for piece, leaf in ((1, 1), (2, 0)):
         blade = o3l.create_blade(scan.points, unit="mm", options=o3l.BladeOptions(piece=piece))
         assert blade.outline.area == pytest.approx(scan.areas[leaf], rel=AREA)
+
+
+def test_a_blade_of_both_is_refused_with_the_pieces_that_there_are():
+    with pytest.raises(ReconstructionError, match=r"it steps there .* pieces are 2: 1: .*; 2: .*; give `piece`"):
+        o3l.create_blade(drawn_leaves(9).scan().points, unit="mm")
 
 
 def test_leaves_that_nothing_tells_apart_are_said_to_be_such():
