@@ -77,7 +77,7 @@ def remove_stray_points(cloud: Any, *, std_ratio: float = 10.0) -> Any:
     from functools import partial  # noqa: PLC0415 - asking for a name loads nothing else
     from math import inf  # noqa: PLC0415
 
-    outliers = partial(_now("detect_outliers"), max_gap=inf, max_ratio=inf, std_ratio=std_ratio)
+    outliers = partial(_now("detect_outliers"), max_gap=inf, max_ratio=inf, max_clutter=inf, std_ratio=std_ratio)
     return _now("preprocess_point_cloud")(cloud, outliers=outliers, orient=None)
 
 

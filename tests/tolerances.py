@@ -1149,3 +1149,7 @@ BANDED_SOLUTION = 1e-12
 SITES_TO_DATA = 0.45
 """Spacings of the data, at least, between a site and the next one in a gap: the lattice is as fine as a half of it, and
 a tenth is for what a spacing means; 0.32 where the lattice is as fine as where the gap begins."""
+
+SCATTERED = 0.9
+"""Of points scattered through space, six spacings off a surface and more: 0.95 to 1.0 are found; few where they are
+judged by distances alone."""

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from o3dleaf.commands.patch import MODEL, resumed
+from o3dleaf.core import journal
 from o3dleaf.core.arguments.kinds import Positive, SmoothingValue
 from o3dleaf.core.jobs.job import LongJob
 from o3dleaf.core.jobs.option import argument, option, output
@@ -91,7 +92,7 @@ class ReconstructJob(UnitOption, ColumnsOption, ResumeOption, LongJob):
         """Make the surface, write it, and return what it is."""
         import open3d as o3d
 
-        from o3dleaf.io.point_cloud import read_point_cloud
+        from o3dleaf.io.point_cloud import has_faces, read_point_cloud
         from o3dleaf.io.triangle_mesh import write_mesh
         from o3dleaf.output.view.picture import render
         from o3dleaf.output.view.scene import Scalars
@@ -101,6 +102,9 @@ class ReconstructJob(UnitOption, ColumnsOption, ResumeOption, LongJob):
 
         with stage("read cloud"):
             cloud = read_point_cloud(self.cloud, finite=False, columns=self.columns)
+        if has_faces(self.cloud):
+            count = len(cloud.points)
+            journal.note(f"{self.cloud} is a mesh: its {count:,} vertices are taken for points, its faces are not used")
         mesh, field = create_from_point_cloud_rbfpu(
             o3d.t.geometry.PointCloud.from_legacy(cloud, o3d.core.float64),
             self.spacing,

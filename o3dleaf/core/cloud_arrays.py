@@ -46,7 +46,8 @@ def raw_points(cloud: CloudLike, name: str = "cloud") -> npt.ArrayLike:
     require_cloud(cloud, name)
     points: Any = cloud
     if hasattr(points, "point"):
-        points = points.point.positions.cpu().numpy()
+        # A tensor cloud that is empty has no positions at all.
+        points = points.point.positions.cpu().numpy() if "positions" in points.point else np.empty((0, 3))
     elif hasattr(points, "points"):
         points = as_array(points.points, name)
     return cast(npt.ArrayLike, points)

@@ -17,7 +17,7 @@ from o3dleaf.io.clouds.columns import Columns
 from o3dleaf.io.clouds.cut_off import require_whole_cloud
 from o3dleaf.io.clouds.pcd import read_pcd
 from o3dleaf.io.clouds.pts import read_pts
-from o3dleaf.io.ply_reader import read_ply
+from o3dleaf.io.ply_reader import PlyHeader, read_ply
 from o3dleaf.io.triangle_mesh import READERS, read_triangle_mesh
 
 NAMED = {".xyz": "x y z", ".xyzn": "x y z nx ny nz", ".xyzrgb": "x y z r g b"}
@@ -78,6 +78,14 @@ def read_point_cloud(
     if finite:
         require_finite(points, str(file))
     return cloud
+
+
+def has_faces(path: str | PathLike[str]) -> bool:
+    """Return whether a file of points is one of a mesh, of which `read_point_cloud` takes the vertices."""
+    file = require_file(path)
+    if file.suffix.lower() != ".ply":
+        return file.suffix.lower() in MESHES
+    return any(each.name == "face" and each.count for each in PlyHeader.of(file).elements(file))
 
 
 def _read(file: Path, suffix: str, columns: str | Sequence[str] | None) -> o3d.geometry.PointCloud:

@@ -50,7 +50,8 @@ class BladeOptions:
     up, base : (3,) array_like, optional
         Direction of the adaxial side; a point near the base.
     piece : int, optional
-        Which of several pieces of the scan, or of leaves that touch, is the leaf, the largest being 1.
+        Which of several pieces of the scan, or of leaves that touch or rest on one another, is the leaf, the largest
+        being 1.
     one_sheet : bool
         Whether passes that disagree, or the two sides of a thin leaf, are one surface.
     keep_petiole : bool

@@ -56,7 +56,7 @@ FRAMES: dict[str, Callable[[FloatArray, FloatArray | None, str | None, BladeOpti
 }
 """What builds a blade, by the option `frame`."""
 
-is_far = partial(detect_outliers, max_gap=np.inf, max_ratio=np.inf, std_ratio=10.0)
+is_far = partial(detect_outliers, max_gap=np.inf, max_ratio=np.inf, max_clutter=np.inf, std_ratio=10.0)
 """Outliers of a scan: even the thin parts of a gappy leaf stay within ten standard deviations of the mean distance to
 neighbors (the real wheat leaf loses one point of 6,312)."""
 

@@ -620,6 +620,7 @@ DOORS: dict[str, Door] = {
         cloud=CLOUD,
         max_gap=LIMIT.like(3.0),
         max_ratio=LIMIT.like(8.0),
+        max_clutter=LIMIT.like(8.0),
         std_ratio=LIMIT.like(2.0),
     ),
     "distance_mask": door(o3l.distance_mask, cloud=CLOUD, factor=LENGTH.like(2.0)),

@@ -27,7 +27,7 @@ SHIPPED = Path(__file__).parent / "machine_code"
 MADE_FOR = "made_for.txt"
 """The file in that folder that says what its code was made by, and for which processors."""
 
-COMPILER = ("level_code", "code_cache", "numba_target")
+COMPILER = ("level_code", "code_cache", "borrowed", "numba_target")
 """The modules of this folder that decide what code is like."""
 
 MADE_BY = (

@@ -16,12 +16,13 @@ from typing import Any
 
 import numba
 from numba.core import types, typing
-from numba.core.compiler import Compiler, CompileResult
+from numba.core.compiler import CompileResult
 from numba.core.dispatcher import _FunctionCompiler
 from numba.core.registry import CPUDispatcher, CPUTarget
 from numba.core.target_extension import CPU, dispatcher_registry, jit_registry, target_override, target_registry
 from numba.core.utils import threadsafe_cached_property
 
+from o3dleaf.core.compiled.borrowed import BorrowingCompiler
 from o3dleaf.core.compiled.code_cache import CalleeCache, CodeCache
 from o3dleaf.core.compiled.level_code import CALLEES, NAME, LevelContext
 
@@ -99,7 +100,7 @@ class LevelDispatcher(CPUDispatcher):
         py_func: Any,
         locals: Any = None,  # noqa: A002 - Numba's name
         targetoptions: Any = None,
-        pipeline_class: Any = Compiler,
+        pipeline_class: Any = BorrowingCompiler,
     ) -> None:
         super().__init__(py_func, locals, targetoptions, pipeline_class)
         self.callee = Callee(py_func, self.locals, self.targetoptions, pipeline_class)

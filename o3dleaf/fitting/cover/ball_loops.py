@@ -208,24 +208,44 @@ def move_to_halves(cells, points, rows, axis, middle):
 
 
 @njit(nogil=True, cache=True)
+def room_for_images(tree):
+    """Return an array that has room for all images of any leaf, and one more."""
+    widest = 0
+    for leaf in range(tree.starts.size):
+        widest = max(widest, tree.stops[leaf] - tree.starts[leaf])
+    return np.empty(widest + 1, dtype=np.int64)
+
+
+@njit(nogil=True, cache=True)
+def find_images(point, listed, images, found):
+    """Write which of the images `listed` contain a point, in their order; return how many."""
+    count = 0
+    for image in listed:
+        # Without a branch, which would be guessed wrongly once for each that contains it.
+        found[count] = image
+        count += contains(images.centers[image], images.radii[image], point)
+    return count
+
+
+@njit(nogil=True, cache=True)
 def count_members(start, stop, points, leaves, tree, images, counts):
     """Count those of the points start:stop in image k into counts[k]."""
+    found = room_for_images(tree)
     for i in range(start, stop):
-        for k in range(tree.starts[leaves[i]], tree.stops[leaves[i]]):
-            image = tree.images[k]
-            if contains(images.centers[image], images.radii[image], points[i]):
-                counts[image] += 1
+        listed = tree.images[tree.starts[leaves[i]] : tree.stops[leaves[i]]]
+        for k in range(find_images(points[i], listed, images, found)):
+            counts[found[k]] += 1
 
 
 @njit(nogil=True, cache=True)
 def fill_members(start, stop, points, leaves, tree, images, heads, rows):
     """Write those of the points start:stop in image k from rows[heads[k]] on."""
+    found = room_for_images(tree)
     for i in range(start, stop):
-        for k in range(tree.starts[leaves[i]], tree.stops[leaves[i]]):
-            image = tree.images[k]
-            if contains(images.centers[image], images.radii[image], points[i]):
-                rows[heads[image]] = i
-                heads[image] += 1
+        listed = tree.images[tree.starts[leaves[i]] : tree.stops[leaves[i]]]
+        for k in range(find_images(points[i], listed, images, found)):
+            rows[heads[found[k]]] = i
+            heads[found[k]] += 1
 
 
 @njit(nogil=True, cache=True)

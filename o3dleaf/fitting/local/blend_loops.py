@@ -130,7 +130,7 @@ def workspace(images, model, level):
     )
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, inline="always")  # a view: those that take it have no array of their own
 def block(flat, model, ball, dimension):
     """Return the (d, N) block of one ball in an array that lies as the sites do."""
     count = model.offsets[ball + 1] - model.offsets[ball]

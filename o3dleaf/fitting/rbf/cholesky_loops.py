@@ -1,4 +1,4 @@
-"""Compiled Cholesky factors, and systems of triangles."""
+"""Compiled Cholesky factors, systems of triangles, and products by symmetric matrices."""
 
 import math
 
@@ -28,6 +28,38 @@ def cholesky(matrix):
         if lower[i, i] * lower[i, i] <= least:
             return lower, False
     return lower, True
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def multiply_symmetric(matrix, vector, product):
+    """Write M x of a symmetric matrix (n, n), of which nothing above the diagonal is read.
+
+    Each entry counts for two while it is at hand, and four rows are taken at once: what a product by a whole matrix
+    waits for is its entries.
+    """
+    count = len(vector)
+    whole = count - count % 4
+    for i in range(0, whole, 4):
+        a, b, c, d = matrix[i], matrix[i + 1], matrix[i + 2], matrix[i + 3]
+        x0, x1, x2, x3 = vector[i], vector[i + 1], vector[i + 2], vector[i + 3]
+        s0 = s1 = s2 = s3 = 0.0
+        for j in range(i):
+            x = vector[j]
+            s0 += a[j] * x
+            s1 += b[j] * x
+            s2 += c[j] * x
+            s3 += d[j] * x
+            product[j] += a[j] * x0 + b[j] * x1 + c[j] * x2 + d[j] * x3
+        product[i] = s0 + a[i] * x0 + b[i] * x1 + c[i] * x2 + d[i] * x3
+        product[i + 1] = s1 + b[i] * x0 + b[i + 1] * x1 + c[i + 1] * x2 + d[i + 1] * x3
+        product[i + 2] = s2 + c[i] * x0 + c[i + 1] * x1 + c[i + 2] * x2 + d[i + 2] * x3
+        product[i + 3] = s3 + d[i] * x0 + d[i + 1] * x1 + d[i + 2] * x2 + d[i + 3] * x3
+    for i in range(whole, count):
+        row, total = matrix[i], matrix[i, i] * vector[i]
+        for j in range(i):
+            total += row[j] * vector[j]
+            product[j] += row[j] * vector[i]
+        product[i] = total
 
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)

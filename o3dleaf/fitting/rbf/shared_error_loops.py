@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from o3dleaf.core.compiled.decorator import njit
-from o3dleaf.fitting.rbf.cholesky_loops import solve_triangle
+from o3dleaf.fitting.rbf.cholesky_loops import multiply_symmetric, solve_triangle
 from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot
 from o3dleaf.fitting.rbf.reflector_loops import reflect, restrict_tail, subtract
 from o3dleaf.fitting.rbf.shared_noise_loops import (
@@ -113,9 +113,9 @@ def advance(system, krylov, shifts, first, most, link, residual):
     step, link, whether it has converged
     """
     vector, before, pivots, heights, directions, solutions = krylov
-    roots, size = system.roots, vector.size
+    roots, size, image = system.roots, vector.size, np.empty(vector.size)
     for step in range(first, most):
-        image = system.matrix @ weight_rows(system, vector)
+        multiply_symmetric(system.matrix, weight_rows(system, vector), image)
         whiten(system.noise, image)
         for j in range(size):
             image[j] *= roots[j]
@@ -182,7 +182,8 @@ def solve_chosen(points, values, roots, exponents, power, groups, noise, trials,
     if length > 0.0 and not advance(system, own, shift, step, most, link, EXACT)[2]:
         return factor_solution(points, exponents, system, weighted, trials[best]), best
     weights, reduced = weight_rows(system, own.solutions[0]), np.empty(len(triangle))
-    image = system.matrix @ weights
+    image = np.empty(count)
+    multiply_symmetric(system.matrix, weights, image)
     whiten(noise, image)
     rest = weighted - roots * image
     for k in range(reduced.size):

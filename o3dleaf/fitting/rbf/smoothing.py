@@ -111,7 +111,8 @@ def as_smoothing(
         return Smoothing(value)
     if kernel.theta is None:
         raise InputError(
-            f"rho: {kernel} in {kernel.dimension}-D minimizes no thin-plate energy, so it has no theta; give smoothing"
+            f"rho: {kernel} in {kernel.dimension}-D minimizes no thin-plate energy, so it has no theta; "
+            f"give smoothing={value!r}"
         )
     return Smoothing(value, 1 / kernel.theta)
 

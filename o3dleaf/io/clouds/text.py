@@ -1,5 +1,6 @@
 """Text files of points: one in a line, columns between blanks, tabs, commas or semicolons."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from o3dleaf.io.clouds.columns import GROUPS, Columns
 from o3dleaf.io.clouds.header import TextHead, is_comment, lines_of, read_head, shown
 
 SUFFIXES = (".txt", ".csv", ".asc")
+DECIMAL_COMMAS = re.compile(r"\d,\d+\s+[+-]?\d+,\d")
+"""Two numbers with commas for points, and blanks between them."""
 
 
 def read_text(file: Path, columns: str | Sequence[str] | None = None) -> Columns:
@@ -83,8 +86,9 @@ def _first_fault(file: Path, head: TextHead, used: list[int]) -> InputError | No
             try:
                 float(fields[place])
             except (ValueError, IndexError):
-                return InputError(
-                    f"{file}: line {number}: {shown(line)} has no number in column {place + 1}, {names[place]}; "
-                    "correct the line, or name the columns, as 'x y z'"
-                )
+                cure = "correct the line, or name the columns, as 'x y z'"
+                if DECIMAL_COMMAS.search(line):
+                    cure = "write decimals with points, not commas"
+                where = f"{file}: line {number}: {shown(line)} has no number in column {place + 1}, {names[place]}"
+                return InputError(f"{where}; {cure}")
     return None

@@ -84,7 +84,8 @@ def build_parametric_blade(
         mesh = ChartMesh(chart.vertices, chart.triangles, chart.uv)
         fit = fit_chart_surface(points[rows], mesh, smoothing=options.smoothing, unit=unit)
         laid = fit.mesh
-        require_low_distortion(laid.vertices, laid.triangles, laid.chart, MOST_STRETCHED, STEPPED)
+        with _pieces_named(scan, sheet, options):
+            require_low_distortion(laid.vertices, laid.triangles, laid.chart, MOST_STRETCHED, STEPPED)
         fit, leftovers = _with_tips(fit, points, sheet)
     # Where the leaf ends: a smooth closed curve in the chart, past the outermost points.
     with journal.stage("find margin"):

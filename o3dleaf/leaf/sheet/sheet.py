@@ -18,6 +18,7 @@ from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.parting import other_layers
 from o3dleaf.leaf.sheet.pieces.leftovers import Leftovers, tell_averaging, tell_cuts
 from o3dleaf.leaf.sheet.pieces.necks import find_necks
+from o3dleaf.leaf.sheet.pieces.resting import Resting, find_resting
 from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.scan_lines import without_scan_lines
 from o3dleaf.leaf.sheet.widths import (
@@ -97,15 +98,16 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
     Points are averaged across the surface as much as their noise needs, and more where layers lie closer than four
     spacings and face one way: passes of a scanner that disagree, or the two sides of a thin leaf. Triangles are the
     Delaunay stars of the tangent planes, glued along their edges so that no handle comes about. Layers that averaging
-    does not join are other sheets, and left out.
+    does not join are other sheets, and left out. Leaves that rest on one another are told, and parted where one of them
+    is asked for.
 
     Parameters
     ----------
     points : (n, 3) array_like or Open3D point cloud
         Of a leaf, and whatever else was scanned.
     piece : int, optional
-        Which of the pieces and layers, 1 for the largest sheet or, where parts of it hang together by narrow necks, the
-        largest of them; left out, that sheet as a whole.
+        Which of the pieces and layers, 1 for the largest sheet or, where parts of it hang together by narrow necks or
+        lie on one another, the largest of them; left out, that sheet as a whole.
     one_sheet : bool
         Whether layers that lie close together are one surface. If not, a scan with such layers is refused.
 
@@ -123,25 +125,40 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
         scan = OrientedCloud.of(points).points
         used = usable_rows(scan)
     with finding:
-        found = _sheet_of(scan, used, one_sheet=one_sheet)
+        found, resting = _sheet_of(scan, used, one_sheet=one_sheet)
         found = _with_strays(found, scan, used)
-        necks = find_necks(found.vertices, found.triangles)
-        part = None if necks is None else necks.part
-        leftovers = Leftovers.of(scan, found.rows, found.vertices, found.triangles, found.spacing, part)
-        if piece is None or (piece == 1 and necks is None):
-            notes = found.notes if necks is None else (*found.notes, necks.note)
-            return replace(found, leftovers=leftovers, notes=notes)
-        return _sheet_of(scan, leftovers.piece(piece), one_sheet=one_sheet)
+        parts, notes = _parts(scan, found, resting)
+        leftovers = Leftovers.of(scan, found.rows, found.vertices, found.triangles, found.spacing, parts)
+        if piece is None or (piece == 1 and not parts):
+            if resting is not None:
+                notes = (resting.tell(found.rows, leftovers.listed()),)
+            return replace(found, leftovers=leftovers, notes=(*found.notes, *notes))
+        return _sheet_of(scan, leftovers.piece(piece), one_sheet=one_sheet)[0]
 
 
 class _Solved(NamedTuple):
-    """Sheets at widths (n,), which exceed `base` where layers were averaged, rows (n,) of a scan, and other layers'."""
+    """Sheets at widths (n,), which exceed `base` where layers were averaged, rows (n,) of a scan, and other layers'.
+
+    Leaves that rest on one another are rows of the scan, too.
+    """
 
     sheets: OpenSheets
     width: FloatArray
     base: float
     rows: IntArray
     others: IntArray = np.empty(0, np.int64)
+    resting: Resting | None = None
+
+
+def _parts(scan: FloatArray, sheet: OpenSheet, resting: Resting | None) -> tuple[tuple[IntArray, ...], tuple[str, ...]]:
+    """Return the rows of each part of a sheet that can be asked for, and a line on necks between them."""
+    if resting is not None:
+        return resting.leaves, ()
+    necks = find_necks(sheet.vertices, sheet.triangles)
+    if necks is None:
+        return (), ()
+    part = necks.part[query(cKDTree(sheet.vertices), scan[sheet.rows])[1]]
+    return tuple(sheet.rows[part == each] for each in range(int(part.max()) + 1)), (necks.note,)
 
 
 def _with_strays(sheet: OpenSheet, scan: FloatArray, used: IntArray) -> OpenSheet:
@@ -152,8 +169,8 @@ def _with_strays(sheet: OpenSheet, scan: FloatArray, used: IntArray) -> OpenShee
     return replace(sheet, rows=np.sort(np.concatenate([sheet.rows, rest])))
 
 
-def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet:
-    """Return the sheet through the points `pool` (k,) of a scan (n, 3)."""
+def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> tuple[OpenSheet, Resting | None]:
+    """Return the sheet through the points `pool` (k,) of a scan (n, 3), and leaves of them that rest on one another."""
     some = pool[thinned(len(pool), -(-len(pool) // MOST))]
     some = some[without_scan_lines(scan[some])]
     solved = _solve(scan, some, one_sheet=one_sheet)
@@ -173,13 +190,16 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet
         )
     made_of = np.concatenate([solved.rows, solved.others])
     of_sheet = np.append(held, np.zeros(len(solved.others), bool))
-    rows = pool[of_sheet[query(cKDTree(scan[made_of]), scan[pool])[1]]]
+    nearest = query(cKDTree(scan[made_of]), scan[pool])[1]
+    rows = pool[of_sheet[nearest]]
+    resting = None if solved.resting is None else solved.resting.spread(made_of[nearest], pool)
     passes = find_passes(scan[solved.rows], sheets)
     joined = len(passes.places) > 0 or bool((solved.width > solved.base).any())
     averaged = tell_averaging(scan[solved.rows], solved.width, solved.base, passes)
     notes = averaged + slits + tell_cuts(sheets.cut, flaps, scan)
     whole = spacing * float(np.sqrt(held.sum() / len(rows)))
-    return OpenSheet(vertices, triangles, rows, whole, float(solved.width.max()) if joined else 0.0, notes)
+    scale = float(solved.width.max()) if joined else 0.0
+    return OpenSheet(vertices, triangles, rows, whole, scale, notes), resting
 
 
 def _opened(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray, tuple[str, ...]]:
@@ -218,11 +238,12 @@ def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
     fewer = 1 if is_tube else int(np.ceil((thickness / (MEETING * spacing)) ** 2))
     if fewer > 1 and len(some) // fewer >= FEWEST:
         return _solve(scan, some[thinned(len(some), fewer)], one_sheet=one_sheet)
+    resting = None if sheets.is_closed else find_resting(cloud.points, cloud.noise, sheets, some)
     if base == 0 and len(find_layers(sheets, is_tube=is_tube)[0]) >= FEWEST:
         others = other_layers(cloud.points, spacing, cloud.noise)
         if len(others):
             solved = _solve(scan, np.delete(some, others), one_sheet=one_sheet)
-            return solved._replace(others=np.append(some[others], solved.others))
+            return solved._replace(others=np.append(some[others], solved.others), resting=resting)
     for round_ in range(ROUNDS):
         after = layers.after(*find_layers(sheets, is_tube=is_tube), LINK * spacing)
         if after.like(layers):
@@ -231,7 +252,7 @@ def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
         width = widen(cloud.points, np.full(len(cloud), base), layers)
         sheets = OpenSheets.of(cloud.points, width, spacing)
         progress.report(round_ + 1, ROUNDS)
-    return _Solved(_part_branches(cloud.points, width, sheets), width, base, some)
+    return _Solved(_part_branches(cloud.points, width, sheets), width, base, some, resting=resting)
 
 
 def _some(points: FloatArray) -> FloatArray:

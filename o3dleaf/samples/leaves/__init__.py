@@ -7,5 +7,6 @@
 `leaf_shape`  outline and surface together, as a Field
 `leaf_scan`   its scans
 `kinds`       curled, twisted, wavy, eaten, lobed, cupped, on a petiole, in two layers
+`resting`     two leaves, one of which rests on the other
 `scan_files`  their scans as files
 """

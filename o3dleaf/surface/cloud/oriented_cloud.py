@@ -125,7 +125,13 @@ class OrientedCloud:
     @property
     def decisions(self) -> tuple[str, ...]:
         """Points that preprocessing removed and choices it made, one sentence each; empty for a clean cloud."""
-        reasons = ("not finite", "repeated", "far from all others", "averaged with others of their voxel", "cut out")
+        reasons = (
+            "not finite",
+            "repeated",
+            "far from all others or scattered through space",
+            "averaged with others of their voxel",
+            "cut out",
+        )
         counts = [f"{count:,} {why}" for count, why in zip(self.removed, reasons, strict=True) if count]
         return (f"points left out: {', '.join(counts)}", *self.notes) if counts else self.notes
 

@@ -1,7 +1,8 @@
-"""Outliers of a cloud: single points, small clusters, and points a little off the surface beside them."""
+"""Outliers of a cloud: single points, small clusters, points a little off the surface beside them, and clutter."""
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
@@ -9,8 +10,9 @@ from o3dleaf.core.arguments.kinds import Limit
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud import parity_loops
-from o3dleaf.surface.cloud.neighbors import BLOCK, IndexArray
+from o3dleaf.surface.cloud.neighbors import BLOCK, IndexArray, fit_planes
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 
 NEIGHBORS = 8
@@ -21,18 +23,31 @@ MAX_RATIO = 2.5
 random points three have 2.2 and none 2.5; four spacings off a surface it is 2.7."""
 MIN_CLUSTER = 24
 """Fewer points than this are no piece of a surface: three times the neighbors that a plane is fitted to."""
+DENSE = 0.25
+"""Quantile of the distance to the eighth neighbor that is the surface's: three points of four may be clutter."""
+FILLED = ((16, 0.45), (48, 0.55))
+"""Neighbors, and how thick over long they are at least where points fill space: the median over as many of them is
+0.57 and 0.7 then, by chance below the bound at one of a hundred. Of a surface only the larger is wide enough to show
+that a thin part, or a corner, is none."""
 
 
 @checked
 def detect_outliers(
-    cloud: CloudLike, *, max_gap: Limit = MAX_GAP, max_ratio: Limit = MAX_RATIO, std_ratio: Limit = np.inf
+    cloud: CloudLike,
+    *,
+    max_gap: Limit = MAX_GAP,
+    max_ratio: Limit = MAX_RATIO,
+    max_clutter: Limit = MAX_RATIO,
+    std_ratio: Limit = np.inf,
 ) -> npt.NDArray[np.bool_]:
     """Return which points of a cloud (n,) belong to no surface.
 
     Points are linked to those of their eight nearest that are within `max_gap` times the median distance of an eighth
     neighbor; clusters of fewer than 24 points are outliers, however far apart, unless nothing larger is there. So are
     points whose eighth neighbor is `max_ratio` times as far as that of the neighbors themselves, as in Breunig et al.:
-    some four spacings off a surface. `std_ratio` adds Open3D's `remove_statistical_outlier`.
+    some four spacings off a surface. So is clutter: points as sparse as that beside the densest quarter of the cloud
+    which, taken alone, fill space, being about as thick as wide and long around most of them at two scales; a sparse
+    surface, wires and scan lines do not. `std_ratio` adds Open3D's `remove_statistical_outlier`.
 
     Parameters
     ----------
@@ -42,6 +57,9 @@ def detect_outliers(
         Of a cloud in one piece, in medians of the distance to the eighth neighbor; infinite, no cluster is an outlier.
     max_ratio : float
         Of distances to the eighth neighbor; infinite where the density of a cloud jumps, as on the tip of a leaf.
+    max_clutter : float
+        Of the distance to the eighth neighbor, over that in the densest quarter, where points fill space; infinite,
+        such points stay.
     std_ratio : float
         Standard deviations above the mean that the mean distance to the eight nearest, the point itself among them,
         may have.
@@ -55,13 +73,21 @@ def detect_outliers(
     ----------
     Breunig, Kriegel, Ng and Sander (2000), LOF: identifying density-based local outliers, SIGMOD, 93-104.
     """
+    cloud = OrientedCloud.of(cloud)
     searching, linking = progress.split(3, 1)
     with searching:
-        near = OrientedCloud.of(cloud).neighbors
+        near = cloud.neighbors
     with linking:
         if near.distance.shape[1] < 2:  # a point alone has no neighbor
             return np.zeros(len(near.distance), dtype=bool)
         distance = np.ascontiguousarray(near.distance[:, 1 : NEIGHBORS + 1])
+        clutter = _are_clutter(cloud.points, distance[:, -1], max_clutter)
+        if clutter.any():  # what it linked, or was as sparse beside, is judged without it
+            rest = cloud.take(~clutter)
+            clutter[~clutter] = detect_outliers(
+                rest, max_gap=max_gap, max_ratio=max_ratio, max_clutter=max_clutter, std_ratio=std_ratio
+            )
+            return clutter
         row = np.ascontiguousarray(near.row[:, 1 : NEIGHBORS + 1])
         outlier = _in_small_clusters(distance, row, max_gap) | _are_isolated(distance[:, -1], row, max_ratio)
         if np.isfinite(std_ratio):
@@ -88,3 +114,18 @@ def _are_isolated(far: FloatArray, row: IndexArray, max_ratio: float) -> npt.NDA
 
     run_blocks(task, len(far), BLOCK)
     return isolated
+
+
+def _are_clutter(points: FloatArray, far: FloatArray, max_clutter: float) -> npt.NDArray[np.bool_]:
+    """Return which points (n,) have their eighth neighbor at `far` (n,) and, among points as sparse, fill space."""
+    clutter = far > max_clutter * np.quantile(far, DENSE)
+    if np.count_nonzero(clutter) < FILLED[-1][0]:
+        return np.zeros(len(far), dtype=bool)
+    sparse = np.ascontiguousarray(points[clutter])
+    tree, fills = cKDTree(sparse), np.ones(len(sparse), dtype=bool)
+    for count, least in FILLED:
+        near = query(tree, sparse, k=count)[1]
+        variance = fit_planes(sparse, near).variance
+        fills &= np.median(np.sqrt(variance[:, 0] / variance[:, 2])[near], axis=1) > least
+    clutter[clutter] = fills
+    return clutter

@@ -23,7 +23,7 @@ from o3dleaf.surface.cloud.branchings.find import find_branchings
 from o3dleaf.surface.cloud.downsample import voxel_down_sample
 from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
 from o3dleaf.surface.cloud.normals import plane_normals
-from o3dleaf.surface.cloud.orientation.given_normals import check_normals
+from o3dleaf.surface.cloud.orientation.given_normals import UNFIT, check_normals, share_across
 from o3dleaf.surface.cloud.orientation.orientation import Orientation, estimate_normals, orient_normals
 from o3dleaf.surface.cloud.orientation.viewpoint import face_given, face_viewpoint
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
@@ -65,7 +65,8 @@ def preprocess_point_cloud(
     normals : (n, 3) array_like, optional
         Normals in place of those of the cloud. Given normals are kept as far as their neighbors agree
         with them: missing ones (zero or not finite) are found, single wrong ones are turned, and all of them where they
-        point into a closed surface; where they contradict one another throughout, their sides are found anew.
+        point into a closed surface; where they contradict one another throughout, their sides are found anew. Where a
+        tenth of them lie across the planes of a clean cloud, as one direction for all does, they are not used.
     viewpoint : (3,) or (n, 3) array_like, optional
         Where the cloud, or each point, was scanned from: all normals, given or estimated, are turned to it, and left
         so. Nothing is oriented by `orient` then.
@@ -109,10 +110,17 @@ def preprocess_point_cloud(
         usable = usable.apart(branchings, None if given is None else given[usable.rows])
     with siding:
         known = None if given is None else given[usable.rows]
+        across = 0.0 if known is None or orient is None else share_across(usable.cloud, known)
+        known = known if across < UNFIT else None
         if seen_from is None:
             orientation = _find_normals(usable.cloud, known, estimate, orient)
         else:
             orientation = _find_facing(usable.cloud, known, estimate, seen_from[usable.rows])
+        if not across < UNFIT:
+            note = (
+                f"{across:.0%} of the given normals lie across the planes of their neighbors: all were estimated anew"
+            )
+            orientation = orientation._replace(notes=(note, *orientation.notes))
     with ending:
         oriented = usable.cloud.with_normals(orientation.normals, orientation.notes)
         if orientation.cut is not None:
@@ -261,6 +269,8 @@ def _first_of_each(points: FloatArray) -> IndexArray:
 
 
 def _require_enough(count: int, whole: int) -> None:
+    if not whole:
+        raise InputError(f"cloud: is empty; a surface needs at least {MIN_POINTS} points")
     if count < MIN_POINTS:
         raise InputError(
             f"cloud: {count} of {whole} points are left after removing repeated, outlying and non-finite ones; "

@@ -192,7 +192,7 @@ def cross_faces(start, stop, corners, codes, table, keys, known, beyond):
         for face in range(6):
             axis, part = face >> 1, codes[cell] & FACE_CORNERS[face]
             beyond[cell, face] = -1
-            if part in {0, FACE_CORNERS[face]}:
+            if not 0 < part < FACE_CORNERS[face]:
                 continue
             if face & 1:
                 row = corners[cell, 1 << axis]
@@ -250,7 +250,7 @@ def retrace(start, corners, codes, keys):
             cell = stack[depth]
             for face in range(6):
                 axis, part = face >> 1, codes[cell] & FACE_CORNERS[face]
-                if part in {0, FACE_CORNERS[face]}:
+                if not 0 < part < FACE_CORNERS[face]:
                     continue
                 other = links[cell, face]
                 if other < 0:

@@ -113,6 +113,9 @@ def extract_isosurface(
     """
     require_choice(method, METHODS, "method")
     require_one_column(field, "extract_isosurface")
+    dimensions = np.shape(field.bounds)[-1]
+    if dimensions != 3:
+        raise InputError(f"field: is a function in {dimensions}-D; an isosurface is that of one in 3-D")
     step, level = as_step(spacing), as_number(isovalue, "isovalue")
     if seeds is None:
         if within is not None or features:

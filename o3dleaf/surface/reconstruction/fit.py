@@ -8,8 +8,10 @@ import numpy as np
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, NotNegative, Positive, SmoothingValue, Unit
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.fitting.local.fitter import Fitter, ScatteredData
+from o3dleaf.fitting.local.fitter_selection import NAMED_FITTERS
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.constraints import OffsetConstraints, offset_constraints
 from o3dleaf.surface.cloud.noise import CLEAN
@@ -80,6 +82,8 @@ def fit_surface(
     if points_per_ball is not None:
         options["points_per_ball"] = points_per_ball
     if local != "rbf":
+        if isinstance(local, str):
+            require_choice(local, ("rbf", "auto", *NAMED_FITTERS), "local")
         return PUInterpolant.fit_oriented(data.points, data.require_normals(), local=local, **options)
     measuring, constraining, fitting = progress.split(1, 1, 40)
     with measuring:

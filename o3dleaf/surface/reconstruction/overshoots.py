@@ -123,15 +123,18 @@ class Surroundings:
         return FreeSites(*(np.concatenate(part) for part in zip(*found, strict=True))) if found else NO_SITES
 
     def _flood(self, field: Field, start: IntArray, pitch: float) -> Iterator[FreeSites]:
-        """Yield the sites of a lattice from cells (n, 3) on, neighbor by neighbor, as far as the field is wrong."""
-        cells, seen, count = np.unique(start, axis=0), np.empty((0, 3), dtype=np.int64), 0
+        """Yield the sites of a lattice from cells (n, 3) on, neighbor by neighbor, as far as the field is wrong.
+
+        A cell around a front that is wrong too was met with that front or the one before, else its own neighbors would
+        have been met earlier; one that is right may be met again, and has no site.
+        """
+        cells, before, count = np.unique(start, axis=0), np.empty((0, 3), dtype=np.int64), 0
         while len(cells) and count < MAX_SITES:
-            seen = np.concatenate([seen, cells])
             wrong, found = self._judge(field, cells, pitch)
             yield found
             count += len(found.sites)
-            around = np.unique((cells[wrong][:, np.newaxis] + STEPS).reshape(-1, 3), axis=0)
-            cells = _without(around, seen)
+            around = (cells[wrong][:, np.newaxis] + STEPS).reshape(-1, 3)
+            cells, before = _without(around, np.concatenate([before, cells])), cells
 
     def _judge(self, field: Field, cells: IntArray, pitch: float) -> tuple[IntArray, FreeSites]:
         """Return which cells (n, 3) of a lattice a field is wrong about, and what is right there, as dense as the data.
@@ -157,6 +160,7 @@ NO_SITES = FreeSites(np.empty((0, 3)), np.empty(0))
 
 
 def _without(cells: IntArray, seen: IntArray) -> IntArray:
-    """Return the cells (n, 3), each once, that are not among those seen."""
-    both, count = np.unique(np.concatenate([cells, seen, seen]), axis=0, return_counts=True)
-    return np.asarray(both[count == 1])
+    """Return the cells (n, 3), each once and in order, that are not among those seen."""
+    both = np.concatenate([seen, cells])
+    cell, first = np.unique(both, axis=0, return_index=True)
+    return np.asarray(cell[first >= len(seen)])

@@ -16,7 +16,7 @@ from o3dleaf.core.checks.arrays import FloatArray, as_array
 from o3dleaf.core.checks.coordinates import require_breadth, require_cloud
 from o3dleaf.core.checks.scalars import require_choice, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike, raw_points
-from o3dleaf.core.errors import CloudWarning
+from o3dleaf.core.errors import CloudWarning, InputError
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.resources import measured
@@ -205,9 +205,12 @@ def need_for_mesh(cloud: OrientedCloud, spacing: float) -> Need:
     Raises
     ------
     InputError
-        If the spacing is not above zero.
+        If the spacing is not above zero, or wider than the cloud.
     """
-    own = float(np.median(cloud.point_spacing))
+    own, size = float(np.median(cloud.point_spacing)), float(np.ptp(cloud.points, axis=0).max())
+    if spacing > size:
+        cure = f"give a smaller one (the points are {own:.3g} apart)"
+        raise InputError(f"spacing: is {spacing:.3g}, and the cloud {size:.3g} long; {cure}")
     with np.errstate(over="ignore"):
         triangles = float(PER_POINT * len(cloud) * np.square(np.float64(own) / require_positive(spacing, "spacing")))
     what = f"spacing: about {in_words(triangles)} triangles"

@@ -101,3 +101,13 @@ def test_a_triangle_times_its_inverse_is_one(count):
         inverse = invert(lower)
         np.testing.assert_allclose(lower @ inverse, np.eye(count), rtol=0, atol=ROUNDING)
         assert not np.triu(inverse, 1).any()
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 4, 5, 30, 31])
+def test_a_symmetric_matrix_multiplies_by_what_is_on_and_below_its_diagonal(count):
+    rng = np.random.default_rng(count)
+    whole, vector, product = rng.normal(size=(count, count)), rng.normal(size=count), np.full(count, np.nan)
+    lower = np.where(np.tri(count, dtype=bool), whole, np.nan)
+    cholesky_loops.multiply_symmetric(lower, vector, product)
+    meant = np.tril(whole) @ vector + np.tril(whole, -1).T @ vector
+    np.testing.assert_allclose(product, meant, rtol=ROUNDING, atol=ROUNDING)

@@ -78,6 +78,7 @@ def test_colors_are_shares_whatever_their_range(tmp_path):
     [
         ("1 2 3\n4 5\n6 7 8\n", None, r"line 2: '4 5' has no number in column 3, z"),
         ("x y z\n1 2 3\n# c\n4 5 six\n", None, r"line 4: '4 5 six' has no number in column 3, z"),
+        ("0,5 38,25 7,1\n1,5 2,5 3,5\n", None, "line 1: .* write decimals with points, not commas"),
         ("1;2;3\n4;;6\n", None, r"line 2: '4;;6' has no number in column 2, y"),
         ("x y z nx ny nz\n1 2 3 0 0 1\n1 2 3\n", None, r"line 3: '1 2 3' has no number in column 4, nx"),
         ("1 2\n3 4\n", None, r"line 1: '1 2' has 2 columns, none for z"),

@@ -5,12 +5,14 @@ from functools import partial
 import numpy as np
 import open3d as o3d
 import pytest
+from scipy.spatial import cKDTree
 
 from cloud_shapes import torus
 from o3dleaf import OrientedCloud, detect_outliers, read_point_cloud
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.pipeline import is_far
 from o3dleaf.surface.cloud.preprocess import remove_faults
+from tolerances import SCATTERED
 
 
 def cloud_of(points):
@@ -31,12 +33,33 @@ def test_points_beside_a_surface_are_outliers_from_four_spacings_on():
     assert detect_outliers(uneven).sum() < 33
 
 
+@pytest.mark.parametrize("count", [300, 3_000, 12_000])
+def test_points_scattered_through_space_are_outliers(count):
+    """Nine of ten of them, and none of a clean or a noisy surface beside them; a twelfth of its density is no cause."""
+    points, normals = torus(10_000)
+    rng = np.random.default_rng(4)
+    scattered = rng.uniform(-2, 2, (count, 3))
+    spacing = OrientedCloud.of(points).spacing
+    away = cKDTree(points).query(scattered)[0] > 6 * spacing
+    for noise in (0.0, 0.5):
+        noisy = points + noise * spacing * rng.normal(size=(10_000, 1)) * normals
+        found = detect_outliers(np.vstack([noisy, scattered]), max_gap=np.inf, max_ratio=np.inf)
+        assert not found[:10_000].any()
+        assert found[10_000:][away].mean() > SCATTERED
+        assert not detect_outliers(
+            np.vstack([noisy, scattered]), max_gap=np.inf, max_ratio=np.inf, max_clutter=np.inf
+        ).any()
+    sheet = np.column_stack([rng.uniform(3, 4, (800, 2)), 0.1 * rng.normal(size=800) * spacing])
+    wire = np.column_stack([np.linspace(-3, 3, 200), np.full(200, 3.0), 1e-3 * rng.normal(size=200)])
+    assert not detect_outliers(np.vstack([points, 3 * sheet, wire]), max_gap=np.inf, max_ratio=np.inf).any()
+
+
 @pytest.mark.parametrize("ratio", [1.0, 2.0, 10.0])
 def test_the_statistical_criterion_is_open3ds(ratio):
     rng = np.random.default_rng(3)
     points = rng.normal(size=(3000, 3)) * rng.uniform(0.1, 3, size=(3000, 1))
     _, kept = cloud_of(points).remove_statistical_outlier(nb_neighbors=8, std_ratio=ratio)
-    outliers = detect_outliers(points, max_gap=np.inf, max_ratio=np.inf, std_ratio=ratio)
+    outliers = detect_outliers(points, max_gap=np.inf, max_ratio=np.inf, max_clutter=np.inf, std_ratio=ratio)
     assert np.array_equal(np.flatnonzero(~outliers), np.sort(kept))
     assert outliers.any() or ratio == 10
 

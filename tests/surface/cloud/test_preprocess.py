@@ -6,7 +6,7 @@ import open3d as o3d
 import pytest
 
 import o3dleaf as o3l
-from cloud_shapes import sphere, torus
+from cloud_shapes import block, sphere, torus
 from o3dleaf import OrientedCloud, detect_outliers, estimate_normals, orient_normals, preprocess_point_cloud, samples
 
 
@@ -48,6 +48,25 @@ def test_normals_that_are_missing_or_flipped_are_mended():
     assert (np.einsum("ij,ij->i", cloud.normals, normals) > 0.9).all()
     assert np.linalg.norm(cloud.normals, axis=1) == pytest.approx(np.ones(3000))
     assert len(cloud.notes) == 2
+
+
+@pytest.mark.parametrize("kind", ["one direction", "chance"])
+@pytest.mark.parametrize("viewpoint", [None, [9.0, 9.0, 9.0]])
+def test_normals_that_lie_across_the_surface_are_not_used(kind, viewpoint):
+    """As where a writer puts 0 0 1 for what it does not know; right ones of solids with edges are, every one."""
+    points, normals = torus(4_000)
+    wrong = np.broadcast_to([0.0, 0, 1], points.shape)
+    if kind == "chance":
+        wrong = np.random.default_rng(6).normal(size=points.shape)
+    cloud = preprocess_point_cloud(points, normals=wrong, viewpoint=viewpoint)
+    assert np.abs(np.einsum("ij,ij->i", cloud.normals, normals)).min() > 0.9
+    assert "of the given normals lie across the planes of their neighbors" in cloud.notes[0]
+    if viewpoint is None:
+        assert (np.einsum("ij,ij->i", cloud.normals, normals) > 0.9).all()
+    for points, normals in (block(4_000), torus(4_000)):
+        kept = preprocess_point_cloud(points, normals=normals)
+        assert not kept.notes
+        assert kept.normals == pytest.approx(normals)
 
 
 @pytest.mark.parametrize(("points", "message"), [(np.full((20, 3), np.nan), "0 of 20"), (np.ones((20, 2)), "shape")])

@@ -72,3 +72,11 @@ def test_a_narrow_strip_of_three_rows_is_one():
     x, y = np.meshgrid(np.arange(1000.0), np.arange(3.0))
     strip = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     assert len(o3l.preprocess_point_cloud(strip)) == len(strip)
+
+
+@pytest.mark.parametrize("cloud", [o3d.geometry.PointCloud(), o3d.t.geometry.PointCloud(), np.empty((0, 3))])
+def test_an_empty_cloud_is_said_to_be_empty(cloud):
+    """Also where it has no positions at all, as an empty tensor cloud."""
+    for call in (o3l.create_from_point_cloud_rbfpu, o3l.preprocess_point_cloud):
+        with pytest.raises(InputError, match="cloud: is empty"):
+            call(cloud)

@@ -242,3 +242,9 @@ def test_samples_that_are_no_lattice_are_refused():
         sample_lattice(Analytic(lambda x, y, z: x * np.nan), Lattice.covering([[0] * 3, [1] * 3], 0.5))
     empty = polygonize(np.ones((3, 3, 3)), 0.0)
     assert [part.shape for part in empty] == [(0, 3), (0, 3)]
+
+
+def test_a_field_of_the_plane_has_no_isosurface():
+    points = np.random.default_rng(2).uniform(size=(200, 2))
+    with pytest.raises(InputError, match="field: is a function in 2-D"):
+        extract_isosurface(PUInterpolant.fit(points, points[:, 0]), 0.1)

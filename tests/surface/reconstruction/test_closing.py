@@ -152,3 +152,25 @@ def test_sites_in_a_gap_are_no_denser_than_the_data_around_it():
     assert (spacing > 2 * spacing.min()).any()  # the gap leads from close data to sparse ones
     sparse = spacing > 2 * spacing.min()
     assert np.median(nearest[sparse] / spacing[sparse]) >= SITES_TO_DATA
+
+
+def test_a_gap_is_followed_place_by_place():
+    """Each of its places once, and around them no more than six others each, however long it is."""
+    points, normals = sphere(3_000)
+    cloud = OrientedCloud.of(points, normals)
+    around = Surroundings(cloud)
+    reach = float(np.linalg.norm(points, axis=1).mean() - 2 * cloud.spacing)
+    judged, judge = [], Surroundings._judge
+
+    def counted(self, field, cells, pitch):
+        judged.append(len(cells))
+        return judge(self, field, cells, pitch)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Surroundings, "_judge", counted)
+        sites = around.sites(lambda at: np.full(len(at), -1.0), np.array([[0.0, 0.0, -reach]])).sites
+    assert len(judged) > 20  # from one pole to the other
+    assert len(sites) > 500
+    assert len(np.unique(sites, axis=0)) == len(sites)
+    assert sites[:, 2].max() > 0.8 * reach
+    assert sum(judged) < 6 * len(sites)

@@ -389,3 +389,12 @@ def test_a_noisy_fold_keeps_its_two_sheets():
     inside, outside = (feet + way * distance / 2 * outward for way in (-1, 1))
     assert (field(inside) > 0).mean() > KEPT_SHEET
     assert (field(outside) < 0).mean() > KEPT_SHEET
+
+
+def test_a_spacing_wider_than_the_cloud_and_an_unknown_fit_are_refused_by_their_names():
+    points, normals = samples.Torus().sample(400, seed=3)
+    cloud = OrientedCloud.of(points, normals)
+    with pytest.raises(InputError, match=r"spacing: is 1e\+09, and the cloud 1\.07 long; give a smaller one"):
+        create_from_point_cloud_rbfpu(cloud, 1e9)
+    with pytest.raises(InputError, match="local: unknown 'splines'; choose one of rbf, auto, hermite, curl-free, mls"):
+        create_from_point_cloud_rbfpu(cloud, local="splines")

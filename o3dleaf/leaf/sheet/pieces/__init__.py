@@ -1,6 +1,9 @@
 """What a sheet leaves out of its scan, and where it comes apart.
 
-`leftovers`  pieces, layers and branchings that a sheet leaves out
-`necks`      parts of a sheet that hang together by little, as leaves that touch
-`slits`      gaps between the margins of a leaf that is rolled up
+`leftovers`       pieces, layers and branchings that a sheet leaves out
+`necks`           parts of a sheet that hang together by little, as leaves that touch
+`resting`         leaves of which one lies on another
+`minimum_cut`     points parted where the fewest links between neighbors are cut
+`nearer_surface`  points told apart by which of two surfaces they are nearer to
+`slits`           gaps between the margins of a leaf that is rolled up
 """

@@ -9,7 +9,6 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.places import tell_middle, tell_place
-from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.widths import Passes
 from o3dleaf.surface.mesh.deviation import nearest_on_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, label_nodes
@@ -45,7 +44,8 @@ class Leftovers:
         Points of the sheet.
     spacing : float
     parts : tuple of (k,) ndarrays
-        Of those, the rows of each part, where parts hang together by narrow necks.
+        Rows of each part of the sheet, where parts hang together by narrow necks or lie on one another; of these also
+        points that the sheet does not hold.
     """
 
     scan: FloatArray
@@ -64,9 +64,9 @@ class Leftovers:
         vertices: FloatArray,
         triangles: IntArray,
         spacing: float,
-        part: IntArray | None = None,
+        parts: tuple[IntArray, ...] = (),
     ) -> "Leftovers":
-        """Group the points of a scan that a sheet does not hold, and those that it does by the `part` of vertices."""
+        """Group the points that a sheet does not hold, and those of each of some `parts`, that hang together."""
         rest = np.setdiff1d(np.arange(len(scan)), held)
         groups = _groups(scan, rest, LINK * spacing)
         edges = EdgeTable.of(triangles)
@@ -80,11 +80,8 @@ class Leftovers:
             # What nowhere leaves the sheet lies over it, and meets it nowhere.
             meets = inner.min() <= TOUCHING * spacing and far.max() > NEAR * spacing and len(rows) >= FEWEST
             branch.append(feet[inner.argmin()] if meets else None)
-        parts: tuple[IntArray, ...] = ()
-        if part is not None:
-            own = part[query(cKDTree(vertices), scan[held])[1]]
-            parts = tuple(sorted((held[own == each] for each in range(int(part.max()) + 1)), key=lambda p: -len(p)))
-        return cls(scan, groups, tuple(distance), tuple(branch), held, spacing, parts)
+        together = tuple(group for part in parts for group in _groups(scan, part, LINK * spacing))
+        return cls(scan, groups, tuple(distance), tuple(branch), held, spacing, together)
 
     def piece(self, number: int) -> IntArray:
         """Return the rows of the N-th piece, counted from 1: the sheet or its parts, and what is apart from them.
@@ -103,10 +100,10 @@ class Leftovers:
     @property
     def pieces(self) -> tuple[IntArray, ...]:
         """Rows of all that can be asked for: the sheet and then the groups; where it has parts, the largest first."""
-        groups = tuple(rows for rows in self.groups if len(rows) >= FEWEST)
-        return (
-            tuple(sorted((*self.parts, *groups), key=lambda rows: -len(rows))) if self.parts else (self.held, *groups)
-        )
+        of_parts = np.concatenate([np.empty(0, np.int64), *self.parts])
+        groups = tuple(np.setdiff1d(group, of_parts, assume_unique=True) for group in self.groups)
+        pieces = sorted((*self.parts, *groups), key=lambda rows: -len(rows)) if self.parts else (self.held, *groups)
+        return tuple(rows for rows in pieces if len(rows) >= FEWEST)
 
     def listed(self) -> str:
         """Return the number of the pieces, and the first of them by number, size and place."""

@@ -18,7 +18,9 @@ CLEAN_EDGES = 8
 """Nearest neighbors that are compared where the cloud is clean; all 15 are under noise."""
 OPEN = 0.25
 """Mean winding number below which a cloud encloses nothing: 1/2 where it does, 0.06 on leaves."""
-OPEN_NOTE = "the cloud encloses no volume and is treated as an open sheet: either side may be outside"
+OPEN_NOTE = (
+    "the cloud encloses no volume and is treated as an open sheet: either side may be outside; a viewpoint decides"
+)
 DECISIVE = 0.1
 """Gain in the square of the winding number's error from which it, and not the neighbors, decides on a piece."""
 

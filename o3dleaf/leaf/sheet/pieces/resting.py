@@ -1,0 +1,142 @@
+"""Leaves that rest on one another: told apart by what lies over what, and parted where they touch."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.parallel import blocks
+from o3dleaf.core.places import tell_middle
+from o3dleaf.core.trees import query
+from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
+from o3dleaf.leaf.sheet.pieces.minimum_cut import Links, minimum_cut
+from o3dleaf.leaf.sheet.pieces.nearer_surface import tell_by_surface
+from o3dleaf.leaf.sheet.widths import CLEAN, MOSTLY, OFF, STEEP, WIDEST
+from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
+
+REACH = 2 * WIDEST
+"""Distance in spacings up to which one point is seen to lie over another: passes of one sheet end at half of it."""
+RISING = 0.1
+"""Share of these places from which on the upper one lies farther off than passes do: what rests on a leaf rises from
+it, where passes keep their distance."""
+FEWEST = 24
+"""Points above, and below, from which on they are no stragglers."""
+NARROW = 0.5
+"""Length of the line along which two leaves that touch are parted, over the square root of the lesser one's area, at
+most, as of necks: where it is longer nothing shows which points are whose."""
+LEAST = 0.1
+"""Share of the points of both that a leaf has at least, as in `find_necks`."""
+BATCH_SIZE = 2048
+
+
+class Resting(NamedTuple):
+    """Rows (k,) of a scan on either leaf, none if they are not told apart, and where they lie on one another."""
+
+    leaves: tuple[IntArray, ...]
+    where: str
+
+    def spread(self, nearest: IntArray, pool: IntArray) -> "Resting":
+        """Return the same of more points `pool` (m,), each of which goes with the `nearest` (m,) of those used."""
+        return self._replace(leaves=tuple(pool[np.isin(nearest, leaf)] for leaf in self.leaves))
+
+    def tell(self, held: IntArray, pieces: str) -> str:
+        """Return a line on what lies on what, how much of a sheet that holds some rows (k,) is the other one's."""
+        said = f"two leaves, or parts of one, lie on one another {self.where}"
+        if not self.leaves:
+            return f"{said}, and touch over so much that nothing shows which points are whose: cut them apart"
+        lesser = min(len(np.intersect1d(held, leaf)) for leaf in self.leaves)
+        joined = f": taken as one sheet, with {lesser:,} points of the lesser" if lesser >= FEWEST else ""
+        return f"{said}{joined}; `piece` takes one of {pieces}"
+
+
+class _TwoLeaves(NamedTuple):
+    """Points of the upper leaf (n,), of the lower (n,), spacings that they touch along at least, and unsure ones."""
+
+    above: BoolArray
+    below: BoolArray
+    length: float
+    unsure: int = 0
+
+    @property
+    def lesser(self) -> int:
+        """Points of the lesser leaf."""
+        return int(min(self.above.sum(), self.below.sum()))
+
+    @property
+    def is_narrow(self) -> bool:
+        """Whether the leaves touch along so little that they are told apart."""
+        return self.length <= NARROW * float(np.sqrt(self.lesser))
+
+    @property
+    def is_shred(self) -> bool:
+        """Whether the lesser one is too small for a leaf."""
+        return self.lesser < LEAST * int(np.count_nonzero(self.above | self.below))
+
+
+def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: IntArray) -> Resting | None:
+    """Return the points of two leaves that lie on one another, one of them with the largest sheet, or None.
+
+    A point that lies over another one, along the normal and facing its way, is of the upper leaf, and that one of the
+    lower: a margin that runs over a face, or two faces. All others go with those that they are linked to along their
+    planes, by a minimum cut: the leaves are parted across where they touch by least. Where both are seen one over the
+    other there, points go to the surface that they are nearer to.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray
+        As scanned.
+    noise : float
+    sheets : OpenSheets
+        Of the points averaged for their noise, and no more.
+    rows : (n,) ndarray of int
+        Of the points, in the scan.
+    """
+    normals, spacing = _facing(sheets), sheets.spacing
+    upper, lower, heights = _one_over_another(sheets.points, normals, REACH * spacing, OFF * spacing)
+    if min(upper.sum(), lower.sum()) < FEWEST or np.mean(heights > WIDEST * spacing) < RISING:
+        return None
+    links = Links.of(sheets.points, normals, spacing)
+    parted = _TwoLeaves(*minimum_cut(links, upper, lower))
+    if parted.length > 0 and not (parted.is_narrow and parted.is_shred):
+        free = np.flatnonzero(~(upper | lower))
+        told = tell_by_surface(points, normals, parted.above, free, spacing, max(noise, CLEAN * spacing))
+        if told is not None:
+            one, other = upper.copy(), lower.copy()
+            one[told.rows], other[told.rows] = told.first, ~told.first
+            again = _TwoLeaves(*minimum_cut(links, one, other), told.unsure)
+            parted = min(parted, again, key=lambda each: (each.is_shred, each.length))
+    side = parted.above.astype(np.int64) - parted.below
+    piece = links.kept(side[links.one] == side[links.other]).groups(len(side))
+    if side[np.argmax(np.bincount(piece)[piece])] == 0 or parted.is_shred:
+        return None
+    where = f"around {tell_middle(points[upper | lower], points)}, {100 * (upper | lower).mean():.2g} % of the points"
+    if not parted.is_narrow:
+        return Resting((), where)
+    if parted.length > 0:
+        where += f", and touch along at least {parted.length * spacing:.2g}"
+    if parted.unsure:
+        where += f" ({parted.unsure:,} points within the noise of both)"
+    return Resting((rows[parted.above], rows[parted.below]), where)
+
+
+def _facing(sheets: OpenSheets) -> FloatArray:
+    """Return the normals (n, 3) of the points to the side of the largest sheet near them."""
+    vertices, triangles = sheets.sheet()
+    side = vertex_normals(vertices, triangles)[query(cKDTree(vertices), sheets.points)[1]]
+    return np.where(np.einsum("ij,ij->i", sheets.normals, side)[:, np.newaxis] < 0, -sheets.normals, sheets.normals)
+
+
+def _one_over_another(
+    points: FloatArray, normals: FloatArray, reach: float, least: float
+) -> tuple[BoolArray, BoolArray, FloatArray]:
+    """Return which points (n,) lie over another one and under none, and the reverse, and the heights (k,) of these."""
+    distance = np.full((len(points), 2), np.inf)
+    for i, j in blocks(len(points), BATCH_SIZE):
+        layers = nearest_layers(points, normals, reach, STEEP, np.arange(i, j))
+        of_layer = (layers.facing >= MOSTLY) & (layers.distance >= least)
+        distance[i:j] = np.where(of_layer, layers.distance, np.inf)
+    under, over = np.isfinite(distance).T
+    upper, lower = over & ~under, under & ~over
+    return upper, lower, np.concatenate([distance[upper, 1], distance[lower, 0]])

@@ -1,0 +1,141 @@
+"""Two leaves of known shape of which one rests on the other, and a scan of both that says which points are whose."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial.transform import Rotation
+from shapely.geometry import Polygon
+
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.samples.leaves.leaf_scan import draw_places
+from o3dleaf.samples.leaves.leaf_shape import LeafShape
+from o3dleaf.samples.leaves.outlines import long_outline, oval_outline
+from o3dleaf.samples.leaves.sweep import Sweep
+
+MIDDLE, TIP = 0.5, 0.93
+"""Of the upper leaf's length, the place that is laid onto the lower one."""
+MESH_STEP = 0.5
+"""Step in millimeters of the meshes that tell how far one leaf is above the other."""
+GAPS, NOISES = (0.0, 0.5, 1.0, 2.0), (0.0, 0.2, 0.5)
+
+
+class RestingScan(NamedTuple):
+    """Points (n, 3) of two leaves, which leaf each is of (n,), 0 the lower and 1 the upper, and the areas seen (2,)."""
+
+    points: FloatArray
+    leaf: IntArray
+    areas: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class RestingLeaves:
+    """A leaf that rests on an arched one, and how both are scanned; millimeters and degrees, gap and noise in spacings.
+
+    Attributes
+    ----------
+    tip : bool
+        Whether its tip rests there, else its middle.
+    hidden : bool
+        Whether of the lower leaf nothing is seen under the upper one, as from above, else all of it.
+    gap : float
+        Least distance of the two, upright.
+    noise : float
+    angle, tilt : float
+        Between their midribs, seen from above; and by which the upper one rises towards its base if its tip rests.
+    lengths, widths : (2,) tuples
+        Of the lower leaf and the upper.
+    ovals : (2,) tuple of bool
+        Which are ellipses; the others have a sharp tip.
+    arch, bend, curl : float
+        By which the lower leaf bends down along its length, and the upper one up along it, and across half of it.
+    shift : (2,) tuple
+        Of the place where it rests from the lower leaf's middle, of its length and width.
+    spacing : float
+    seed : int
+    """
+
+    tip: bool = False
+    hidden: bool = True
+    gap: float = 0.0
+    noise: float = 0.0
+    angle: float = 60.0
+    tilt: float = 10.0
+    lengths: tuple[float, float] = (80.0, 75.0)
+    widths: tuple[float, float] = (32.0, 30.0)
+    ovals: tuple[bool, bool] = (False, False)
+    arch: float = 45.0
+    bend: float = 20.0
+    curl: float = 25.0
+    shift: tuple[float, float] = (0.0, 0.0)
+    spacing: float = 0.8
+    seed: int = 0
+
+    def scan(self) -> RestingScan:
+        """Return the points of both."""
+        rng = np.random.default_rng(self.seed)
+        outlines = [
+            (oval_outline if oval else long_outline)(length, width)
+            for oval, length, width in zip(self.ovals, self.lengths, self.widths, strict=True)
+        ]
+        lower = LeafShape("curled", Sweep(self.lengths[0], arch=(-np.radians(self.arch), 0.0)), outlines[0])
+        curl = 2 * np.radians(self.curl) / self.widths[1]
+        upper = LeafShape("curled", Sweep(self.lengths[1], arch=(np.radians(self.bend), 0.0), curl=curl), outlines[1])
+        place = (0.5 + self.shift[0]) * self.lengths[0], self.shift[1] * self.widths[0]
+        below = _Pose.of(lower, place, np.eye(3))
+        turn = Rotation.from_euler("ZY", [self.angle, self.tilt if self.tip else 0.0], degrees=True).as_matrix()
+        above = _Pose.of(upper, ((TIP if self.tip else MIDDLE) * self.lengths[1], 0.0), turn)
+        ground, over = below.moved(lower.mesh(MESH_STEP)[0]), above.moved(upper.mesh(MESH_STEP)[0])
+        height = over[:, 2] - LinearNDInterpolator(ground[:, :2], ground[:, 2])(over[:, :2])
+        lift = np.array([0.0, 0.0, self.gap * self.spacing - np.nanmin(height)])
+        first = below.moved(lower.lift(draw_places(lower, self.spacing, "random", rng)))
+        second = above.moved(upper.lift(draw_places(upper, self.spacing, "random", rng))) + lift
+        if self.hidden:
+            cover = Polygon(above.moved(upper.margin(MESH_STEP)[0])[:, :2])
+            first = first[~shapely.contains_xy(cover, *first[:, :2].T)]
+        points, counts = np.concatenate([first, second]), np.array([len(first), len(second)])
+        points += rng.normal(0.0, self.noise * self.spacing, points.shape)
+        return RestingScan(points, np.repeat([0, 1], counts), counts * self.spacing**2)
+
+
+def drawn_leaves(number: int, *, held_out: bool = False) -> RestingLeaves:
+    """Return one of a family: tips and middles, both views, gaps and noises in turn, all else by chance."""
+    rng = np.random.default_rng((7000 if held_out else 100) + number)
+    return RestingLeaves(
+        tip=number % 2 == 1,
+        hidden=number // 2 % 2 == 0,
+        gap=GAPS[number // 4 % 4],
+        noise=NOISES[number % 3],
+        angle=rng.uniform(30, 90),
+        tilt=rng.uniform(5, 20),
+        arch=rng.uniform(20, 70),
+        bend=rng.uniform(5, 35),
+        curl=rng.uniform(5, 50),
+        lengths=(rng.uniform(60, 90), rng.uniform(60, 90)),
+        widths=(rng.uniform(24, 40), rng.uniform(24, 40)),
+        ovals=(rng.random() < 0.5, rng.random() < 0.5),
+        shift=(rng.uniform(-0.15, 0.15), rng.uniform(-0.15, 0.15)),
+        seed=number + (500 if held_out else 0),
+    )
+
+
+class _Pose(NamedTuple):
+    """A motion that carries a place of a leaf to the origin, its tangent plane to the horizontal, and turns it then."""
+
+    origin: FloatArray
+    turn: FloatArray
+
+    @classmethod
+    def of(cls, leaf: LeafShape, place: tuple[float, float], turn: FloatArray) -> "_Pose":
+        at = np.array([place])
+        along, normal = leaf.jacobian(at)[0, :, 0], leaf.normals(at)[0]
+        along = along / np.linalg.norm(along)
+        frame = np.stack([along, np.cross(normal, along), normal])
+        return cls(leaf.lift(at)[0], turn @ frame)
+
+    def moved(self, points: FloatArray) -> FloatArray:
+        """Return points (n, 3) moved."""
+        return np.asarray((points - self.origin) @ self.turn.T)

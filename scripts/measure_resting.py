@@ -1,0 +1,54 @@
+"""Leaves that rest on one another, of known shape: which points `find_sheet` gives to which, and what it says.
+
+    python scripts/measure_resting.py [--held-out] [--blades] [NUMBER ...]
+
+Printed of each scan are the points of the lower and the upper leaf on the sheet of the whole scan and on each of the
+pieces that can be asked for, and with `--blades` the area of the blade of the first two against that of the leaf as
+it is seen.
+"""
+
+import argparse
+
+import numpy as np
+
+import o3dleaf as o3l
+from o3dleaf.core.errors import O3DLeafError
+from o3dleaf.leaf.sheet.sheet import find_sheet
+from o3dleaf.samples.leaves.resting import drawn_leaves
+
+SPACING = 0.8
+
+
+def run(number, options):
+    """Print the lines of one scan."""
+    leaves = drawn_leaves(number, held_out=options.held_out)
+    scan = leaves.scan()
+    count = np.bincount(scan.leaf)
+    how = f"{'tip' if leaves.tip else 'middle'}, {'above' if leaves.hidden else 'full'}"
+    print(f"{number:2d} {how}, gap {leaves.gap:g}, noise {leaves.noise:g}: {count[0]} + {count[1]} points", flush=True)
+    sheet = find_sheet(scan.points)
+    pieces = [np.bincount(scan.leaf[rows], minlength=2) for rows in sheet.leftovers.pieces]
+    shown = ", ".join(f"{one} + {other}" for one, other in pieces)
+    one, other = np.bincount(scan.leaf[sheet.rows], minlength=2)
+    print(f"   whole {one} + {other}; pieces {shown}")
+    for note in sheet.notes:
+        if "lie on one another" in note:
+            print(f"   {note}")
+    for piece, held in enumerate(pieces[:2] if options.blades else [], 1):
+        leaf = int(held.argmax())
+        try:
+            blade = o3l.create_blade(scan.points, unit="mm", options=o3l.BladeOptions(piece=piece))
+            area = o3l.mesh_report(blade.extract_mesh(SPACING)).area
+            print(f"   piece {piece}: {area / scan.areas[leaf] - 1:+.1%} of the area of leaf {leaf} as seen")
+        except O3DLeafError as refusal:
+            print(f"   piece {piece}: {refusal}")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("numbers", metavar="NUMBER", type=int, nargs="*", default=range(16))
+    parser.add_argument("--held-out", action="store_true", help="other leaves, to be run once, at the end")
+    parser.add_argument("--blades", action="store_true", help="the blades of both leaves, too")
+    options = parser.parse_args()
+    for number in options.numbers:
+        run(number, options)
