@@ -1,7 +1,7 @@
 """Arrays without reference counts, in functions that make none and return none.
 
-Numba counts the references to an array's memory with atomic additions wherever a view of it is taken: in a loop over
-balls, a tenth of the time of a reconstruction, and more where threads count in the same memory. A caller holds what it
+Numba counts the references to an array's memory with atomic additions wherever a view of it is taken, also in a loop
+over balls, and threads that count in the same memory wait for one another. A caller holds what it
 hands over until the call returns, so that a function which has nothing but views of its arguments need not count.
 """
 
@@ -12,12 +12,15 @@ from numba.core.compiler import Compiler, DefaultPassBuilder
 from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.typed_passes import IRLegalization
 
-TAKING = {"cast", "phi", "getattr", "static_getitem", "build_tuple", "exhaust_iter"}
-TAKING |= {"getiter", "iternext", "pair_first", "pair_second"}
-"""Operations whose result holds what their operands hold, and nothing new; `getitem` is another one, by number."""
+TAKING = {
+    *("cast", "phi", "getattr", "static_getitem", "build_tuple"),
+    *("exhaust_iter", "getiter", "iternext", "pair_first", "pair_second"),
+}
+"""Numba's operations whose result holds what their operands hold, and nothing new. `getitem` is another by numbers and
+slices."""
 
 VIEW = "array.reshape"
-"""The method of an array that makes a view of a contiguous one."""
+"""Numba's name of the method that makes a view of a contiguous array."""
 
 
 def counts(state: Any) -> bool:

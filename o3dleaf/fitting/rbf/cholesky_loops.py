@@ -34,8 +34,8 @@ def cholesky(matrix):
 def multiply_symmetric(matrix, vector, product):
     """Write M x of a symmetric matrix (n, n), of which nothing above the diagonal is read.
 
-    Each entry counts for two while it is at hand, and four rows are taken at once: what a product by a whole matrix
-    waits for is its entries.
+    Each entry serves the two that it stands for while it is at hand, and four rows are taken at once: a product by the
+    whole matrix is as slow as its entries are read.
     """
     count = len(vector)
     whole = count - count % 4

@@ -23,7 +23,7 @@ from o3dleaf.surface.cloud.branchings.find import find_branchings
 from o3dleaf.surface.cloud.downsample import voxel_down_sample
 from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
 from o3dleaf.surface.cloud.normals import plane_normals
-from o3dleaf.surface.cloud.orientation.given_normals import UNFIT, check_normals, share_across
+from o3dleaf.surface.cloud.orientation.given_normals import check_normals, without_unfit
 from o3dleaf.surface.cloud.orientation.orientation import Orientation, estimate_normals, orient_normals
 from o3dleaf.surface.cloud.orientation.viewpoint import face_given, face_viewpoint
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
@@ -110,19 +110,13 @@ def preprocess_point_cloud(
         usable = usable.apart(branchings, None if given is None else given[usable.rows])
     with siding:
         known = None if given is None else given[usable.rows]
-        across = 0.0 if known is None or orient is None else share_across(usable.cloud, known)
-        known = known if across < UNFIT else None
+        known, notes = (known, ()) if known is None or orient is None else without_unfit(usable.cloud, known)
         if seen_from is None:
             orientation = _find_normals(usable.cloud, known, estimate, orient)
         else:
             orientation = _find_facing(usable.cloud, known, estimate, seen_from[usable.rows])
-        if not across < UNFIT:
-            note = (
-                f"{across:.0%} of the given normals lie across the planes of their neighbors: all were estimated anew"
-            )
-            orientation = orientation._replace(notes=(note, *orientation.notes))
     with ending:
-        oriented = usable.cloud.with_normals(orientation.normals, orientation.notes)
+        oriented = usable.cloud.with_normals(orientation.normals, (*notes, *orientation.notes))
         if orientation.cut is not None:
             usable, oriented = usable.parted(orientation.cut), _cut_out(oriented, orientation.cut)
         if voxel_size is None:

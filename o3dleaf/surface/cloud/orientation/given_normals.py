@@ -53,18 +53,26 @@ plates have 0 to 0.01, also where they are taken over corners; one direction for
 and normals of chance have half. Asked only where half of the planes are sure."""
 
 
-def share_across(cloud: OrientedCloud, given: FloatArray) -> float:
-    """Return the share of normals (n, 3) that lie across the planes of a clean cloud; 0 where few planes are sure."""
+def without_unfit(cloud: OrientedCloud, given: FloatArray) -> tuple[FloatArray | None, tuple[str, ...]]:
+    """Return normals (n, 3) as they were given, or None where they are not those of the surface, and a line on it.
+
+    They are not where too many lie across the planes of a clean cloud, as one direction for all does. Where few planes
+    are sure nothing is known of that.
+    """
     planes = cloud.surfels.planes
     if len(planes.normal) != len(given):
-        return 0.0
+        return given, ()
     length = np.linalg.norm(np.nan_to_num(given), axis=1)
     sure = planes.variance[:, 0] < SURE_PLANE * planes.variance[:, 1]
     known = sure & (length > 0)
     if not sure.mean() > 0.5 or not known.any():
-        return 0.0
+        return given, ()
     along = np.abs(np.einsum("ij,ij->i", planes.normal, np.nan_to_num(given)))
-    return float(np.mean(along[known] < ACROSS * length[known]))
+    across = np.mean(along[known] < ACROSS * length[known])
+    if across < UNFIT:
+        return given, ()
+    said = f"{across:.0%} of the given normals lie across the planes of their neighbors: all were estimated anew"
+    return None, (said,)
 
 
 def check_normals(cloud: OrientedCloud, given: FloatArray, *, orient: bool) -> Orientation:

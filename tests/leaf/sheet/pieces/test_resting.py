@@ -9,12 +9,8 @@ from o3dleaf.leaf.sheet.pieces.minimum_cut import CROSSING, Links, minimum_cut
 from o3dleaf.leaf.sheet.pieces.nearer_surface import tell_by_surface
 from o3dleaf.leaf.sheet.sheet import find_sheet
 from o3dleaf.samples.leaves.resting import drawn_leaves
+from tolerances import RESTING_AREA, RESTING_WRONG
 
-WRONG = 0.025
-"""Share of a leaf's points that the other's piece has: 0.023 at most found. Whole leaves are joined without the cut,
-and more than 0.2 of the upper one is wrong without the surfaces, where both are seen."""
-AREA = 0.02
-"""Of a leaf against what is seen of it: 0.002 and 0.013 found; both together are 0.4 too large."""
 SAID = "lie on one another"
 
 
@@ -30,7 +26,7 @@ def test_two_leaves_of_which_one_rests_on_the_other_are_two_pieces(number):
     assert len(pieces) == 2
     assert {int(piece.argmax()) for piece in pieces} == {0, 1}
     for piece in pieces:
-        assert piece.min() <= WRONG * np.bincount(scan.leaf)[piece.argmin()]
+        assert piece.min() <= RESTING_WRONG * np.bincount(scan.leaf)[piece.argmin()]
     (note,) = told(sheet)
     assert f"`piece` takes one of {sheet.leftovers.listed()}" in note
 
@@ -41,7 +37,7 @@ def test_the_sheet_of_the_whole_scan_says_how_many_points_are_the_lesser_leafs()
     lesser = np.bincount(scan.leaf[sheet.rows]).min()
     (note,) = told(sheet)
     said = int(note.split("taken as one sheet, with ")[1].split(" points")[0].replace(",", ""))
-    assert said == pytest.approx(lesser, rel=WRONG)
+    assert said == pytest.approx(lesser, rel=RESTING_WRONG)
 
 
 def test_a_leaf_that_another_one_hides_the_middle_of_is_two_pieces():
@@ -55,7 +51,7 @@ def test_each_leaf_has_a_blade_of_its_own():
     scan = drawn_leaves(9).scan()
     for piece, leaf in ((1, 1), (2, 0)):
         blade = o3l.create_blade(scan.points, unit="mm", options=o3l.BladeOptions(piece=piece))
-        assert blade.outline.area == pytest.approx(scan.areas[leaf], rel=AREA)
+        assert blade.outline.area == pytest.approx(scan.areas[leaf], rel=RESTING_AREA)
 
 
 def test_a_blade_of_both_is_refused_with_the_pieces_that_there_are():
