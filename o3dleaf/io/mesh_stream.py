@@ -92,7 +92,6 @@ def mesh_file(
     path: str | PathLike[str],
     size: MeshSize,
     comments: tuple[str, ...] = (),
-    names: tuple[str, ...] = LABELS,
     *,
     scratch: Path | None = None,
 ) -> Iterator[PlyFile]:
@@ -110,8 +109,7 @@ def mesh_file(
     ----------
     path : path-like
     size : MeshSize
-    comments, names : tuple of str
-        Of the file, and of the labels.
+    comments : tuple of str
     scratch : Path, optional
         A file on the same disk that the blocks go to and stay in if they do not all come: opened again, it still has
         them.
@@ -125,8 +123,8 @@ def mesh_file(
     """
     target = require_writable(path, SUFFIXES)
     suffix = target.suffix.lower()
-    require_free(target, sum(file_bytes(suffix, size, comments, names)))
-    layout = _layout(size, comments, names)
+    require_free(target, sum(file_bytes(suffix, size, comments)))
+    layout = _layout(size, comments)
     with whole_file(target) as temporary:
         if scratch is not None:
             scratch.touch()
@@ -156,11 +154,9 @@ def _write_again(surface: PlyFile, path: Path, suffix: str, comments: tuple[str,
             write_obj(out, surface, comments)
 
 
-def file_bytes(
-    suffix: str, size: MeshSize, comments: tuple[str, ...] = (), names: tuple[str, ...] = LABELS
-) -> tuple[int, int]:
+def file_bytes(suffix: str, size: MeshSize, comments: tuple[str, ...] = ()) -> tuple[int, int]:
     """Return the size of a file, exact but for OBJ, and that of the scratch file beside it."""
-    binary = _layout(size, comments, names).size
+    binary = _layout(size, comments).size
     if suffix == ".ply":
         return binary, 0
     if suffix == ".stl":
@@ -168,5 +164,5 @@ def file_bytes(
     return OBJ_VERTEX_BYTES * size.vertices + OBJ_TRIANGLE_BYTES * size.triangles, binary
 
 
-def _layout(size: MeshSize, comments: tuple[str, ...], names: tuple[str, ...]) -> PlyLayout:
-    return PlyLayout(size.vertices, size.triangles, names=names, comments=comments)
+def _layout(size: MeshSize, comments: tuple[str, ...]) -> PlyLayout:
+    return PlyLayout(size.vertices, size.triangles, names=LABELS, comments=comments)

@@ -36,15 +36,15 @@ def require_one_column(field: object, caller: str) -> None:
         raise InputError(f"{caller}: the field has {columns} columns of values; fit one of them, values (n,), for this")
 
 
-def as_labels(labels: npt.ArrayLike, count: int, kinds: int, name: str = "labels") -> npt.NDArray[np.uint8]:
+def as_labels(labels: npt.ArrayLike, count: int, kinds: int) -> npt.NDArray[np.uint8]:
     """Return `labels` as (count,) whole numbers from 0 to `kinds` - 1, or raise `InputError`."""
-    array = as_array(labels, name)
+    array = as_array(labels, "labels")
     if array.shape != (count,) or array.dtype.kind not in "bui":
         raise InputError(
-            f"{name}: is {array.dtype} of shape {array.shape}; give one whole number per triangle, ({count},)"
+            f"labels: is {array.dtype} of shape {array.shape}; give one whole number per triangle, ({count},)"
         )
     if count and (array.min() < 0 or array.max() >= kinds):
-        raise InputError(f"{name}: range from {array.min()} to {array.max()}; give 0 to {kinds - 1}")
+        raise InputError(f"labels: range from {array.min()} to {array.max()}; give 0 to {kinds - 1}")
     return array.astype(np.uint8)
 
 
@@ -87,7 +87,7 @@ def as_viewpoint(viewpoint: npt.ArrayLike, count: int) -> FloatArray:
     return np.broadcast_to(require_finite(array, "viewpoint"), (count, 3))
 
 
-def warn_of_contradictions(points: FloatArray, values: FloatArray, *, stacklevel: int = 3) -> None:
+def warn_of_contradictions(points: FloatArray, values: FloatArray) -> None:
     """Warn of places where several of the (n, d) points have different values, (n,) or (n, m): fits average them."""
     order = np.lexsort(points.T)
     same = np.all(points[order[1:]] == points[order[:-1]], axis=1)
@@ -102,5 +102,5 @@ def warn_of_contradictions(points: FloatArray, values: FloatArray, *, stacklevel
             f"values: points coincide and have different values at {len(places):,} place{'s' * (len(places) > 1)}, the "
             f"first at {where}; the fit goes through their means; give smoothing, or leave one point at each place",
             DataWarning,
-            stacklevel=stacklevel + 2,  # of this function, and of `checked`
+            stacklevel=4,  # of the caller of a `checked` method that calls this
         )

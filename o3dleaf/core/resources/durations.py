@@ -11,7 +11,7 @@ FORM = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(s|min|h|d)\s*")
 MOST = 1000.0 * 86400.0
 
 
-def parse_duration(duration: str | float, name: str = "time") -> float:
+def parse_duration(duration: str | float) -> float:
     """Return the seconds of a duration such as "90s", "10 min" or "2h", or of a number of seconds.
 
     Raises
@@ -20,10 +20,10 @@ def parse_duration(duration: str | float, name: str = "time") -> float:
         If it is no duration, has no unit, or is not above zero.
     """
     if not isinstance(duration, str | bool):
-        return require_positive(duration, name)
+        return require_positive(duration, "time")
     parts = FORM.fullmatch(str(duration))
     if parts is None or not float(parts[1]) > 0:
-        raise InputError(f"{name}: is {duration!r}; give a duration with its unit, such as 10min or 2h")
+        raise InputError(f"time: is {duration!r}; give a duration with its unit, such as 10min or 2h")
     return float(parts[1]) * SECONDS[parts[2]]
 
 

@@ -15,7 +15,7 @@ LEAST = 1_000_000
 """Bytes below which a limit is mistyped: nothing runs in less than a megabyte."""
 
 
-def parse_size(size: str | int, name: str = "memory") -> int:
+def parse_size(size: str | int) -> int:
     """Return the bytes of a size such as "2GB", "500 MB" or "1.5GiB", or of a number of bytes.
 
     Raises
@@ -25,9 +25,9 @@ def parse_size(size: str | int, name: str = "memory") -> int:
     """
     count = _bytes_of(size) if isinstance(size, str) else _whole(size)
     if count is None:
-        raise InputError(f"{name}: is {size!r}; give a size with its unit, such as 2GB or 500MB")
+        raise InputError(f"memory: is {size!r}; give a size with its unit, such as 2GB or 500MB")
     if count < LEAST:
-        raise InputError(f"{name}: {size!r} is below a megabyte; give a size such as 2GB or 500MB")
+        raise InputError(f"memory: {size!r} is below a megabyte; give a size such as 2GB or 500MB")
     return count
 
 

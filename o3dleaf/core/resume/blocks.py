@@ -16,7 +16,7 @@ import struct
 import threading
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -136,30 +136,26 @@ def run_kept_blocks(
     count: int,
     size: int,
     written: Callable[[int, int], Sequence[npt.NDArray[Any]]],
-    *,
-    reports: bool = False,
 ) -> None:
-    """Do what `run_blocks` does, and keep what was written, a part of the blocks at a time.
+    """Do what `run_blocks` does, tell how far it is, and keep what was written, a part of the blocks at a time.
 
     Parameters
     ----------
-    task, count, size, reports
+    task, count, size
         As of `run_blocks`.
     written : callable
         ``written(start, stop)`` returns the views of the arrays that the task writes for these items.
     """
     if _current() is None:
-        run_blocks(task, count, size, reports=reports)
+        run_blocks(task, count, size, reports=True)
         return
     pieces = list(blocks(count, size * max(1, -(-count // (size * PIECES)))))
-    shares: Sequence[AbstractContextManager[None]] = [nullcontext()] * len(pieces)
-    if reports:
-        shares = progress.split(*(stop - start for start, stop in pieces))
+    shares = progress.split(*(stop - start for start, stop in pieces))
     for (start, stop), part in zip(pieces, shares, strict=True):
         views = written(start, stop)
 
         def make(start: int = start, stop: int = stop, views: Sequence[npt.NDArray[Any]] = views) -> Arrays:
-            run_blocks(lambda i, j: task(start + i, start + j), stop - start, size, reports=reports)
+            run_blocks(lambda i, j: task(start + i, start + j), stop - start, size, reports=True)
             return tuple(views)
 
         with part:

@@ -174,7 +174,7 @@ def _value_of_each(work: Callable[[int], float], count: int) -> FloatArray:
         for ball in range(start, stop):
             values[ball] = work(ball)
 
-    run_kept_blocks(task, count, 1, lambda start, stop: (values[start:stop],), reports=True)
+    run_kept_blocks(task, count, 1, lambda start, stop: (values[start:stop],))
     return values
 
 

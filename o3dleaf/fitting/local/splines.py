@@ -104,7 +104,7 @@ def fit_splines(
             return sites[dimension * first : dimension * last], weights[first:last], *by_ball
 
         with solving:
-            run_kept_blocks(task, count, BATCH_SIZE, written, reports=True)
+            run_kept_blocks(task, count, BATCH_SIZE, written)
     sites, weights, tails, ranks, dropped = fitted
     kept = None if data.weights is None else data.weights[cover.members]
     places = dimension * cover.offsets[:-1]

@@ -179,7 +179,7 @@ class PUInterpolant(Blended):
         data_hash = _hash(data.points, data.values, data.weights)
         fitted = cls._fitted(data, fitter, points_per_ball, overlap, bounds, unit, data_hash)
         if isinstance(fitted.local, LocalSplines | LocalColumns) and fitted.local.dropped.any():
-            warn_of_contradictions(data.points, data.values, stacklevel=2)
+            warn_of_contradictions(data.points, data.values)
         return fitted
 
     @classmethod

@@ -164,7 +164,7 @@ class RBFInterpolant:
                 stacklevel=3,  # `checked` is one
             )
         if chosen.value == 0:
-            warn_of_contradictions(sites, data, stacklevel=2)
+            warn_of_contradictions(sites, data)
         return cls(phi, chosen, bounds, check_unit(unit), center, radius, local, coefficients, tail, exponents)
 
     @checked

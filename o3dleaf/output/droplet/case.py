@@ -136,14 +136,13 @@ def make_case(
     duration: float,
     frame: float,
     about: Mapping[str, Any],
-    variants: tuple[str, ...] = VARIANTS,
 ) -> tuple[DropletCase, dict[str, LabelledMesh]]:
     """Return the case of a landing place, and its surfaces: lengths in meters, times in seconds.
 
     Box and start are those of the leaf for all of them.
     """
     unit = METERS[window.leaf.unit or "m"]
-    surfaces = {name: window.surface(name) for name in variants}
+    surfaces = {name: window.surface(name) for name in VARIANTS}
     solid = window.surface("leaf")
     vertices, triangles = mesh_arrays(solid.mesh)
     face = vertices[np.unique(triangles[solid.labels == 0])] * unit

@@ -175,12 +175,12 @@ class Page:
         return np.array(self.canvas.buffer_rgba())[:, :, :3].copy()
 
 
-def save_figure(figure: Figure, path: str | PathLike[str], dpi: float | None = None) -> None:
+def save_figure(figure: Figure, path: str | PathLike[str]) -> None:
     """Write a figure of Matplotlib, whole or not at all; of the same figure always the same bytes."""
     suffix = Path(path).suffix.lower()
     dated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(suffix)
     with whole_file(path) as temporary, rc_context({"svg.hashsalt": "o3dleaf", "svg.fonttype": "path"}):
-        figure.savefig(temporary, dpi=dpi or figure.dpi, metadata=dated)
+        figure.savefig(temporary, dpi=figure.dpi, metadata=dated)
 
 
 def round_length(length: float) -> float:

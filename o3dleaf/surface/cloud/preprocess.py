@@ -145,10 +145,10 @@ def remove_faults(cloud: CloudLike, outliers: Detect | None = detect_outliers) -
     return usable.restored(usable.cloud)
 
 
-def usable_rows(cloud: CloudLike, outliers: Detect | None = detect_outliers) -> IndexArray:
+def usable_rows(cloud: CloudLike) -> IndexArray:
     """Return the rows (k,), rising, of the points that `remove_faults` leaves of a cloud."""
     points = _as_rows(raw_points(cloud), "cloud")
-    usable = _Usable.of(points, _weights_of(cloud, len(points))).without(outliers, len(points))
+    usable = _Usable.of(points, _weights_of(cloud, len(points))).without(detect_outliers, len(points))
     return np.sort(usable.rows)
 
 

@@ -103,7 +103,7 @@ def test_a_loop_over_blocks_goes_on_to_what_it_would_have_written(tmp_path, monk
             squares[start:stop] = np.arange(start, stop)[:, np.newaxis] ** 2
 
         with resuming(path, "key", None), keeping_blocks("loop"):
-            run_kept_blocks(task, count, size, lambda i, j: (numbers[i:j], squares[i:j]), reports=True)
+            run_kept_blocks(task, count, size, lambda i, j: (numbers[i:j], squares[i:j]))
         return numbers, squares
 
     set_num_threads(threads)

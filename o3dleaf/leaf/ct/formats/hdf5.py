@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.resources.scratch import load_array
-from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, import_extra, only_array, reading, require_only
+from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, import_reader, only_array, reading, require_only
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")
 MAX_RATIO = 2000
@@ -40,7 +40,7 @@ def open_array(path: Path, layout: VoxelLayout) -> tuple[Any, Stated]:
         As of `read`.
     """
     require_only(layout, ("dataset", "axes"), path)
-    h5py = import_extra("h5py", "formats", path)
+    h5py = import_reader("h5py", path)
     with reading(path, "HDF5"):
         file = h5py.File(path, "r")
         try:

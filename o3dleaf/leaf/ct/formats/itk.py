@@ -15,7 +15,7 @@ from o3dleaf.core.processes.child_process import run_in_subprocess
 from o3dleaf.core.resources.machine import limit_memory
 from o3dleaf.leaf.ct.formats.dicom_headers import Slice, is_dicom, look_over
 from o3dleaf.leaf.ct.formats.lattice_headers import require_sane_header
-from o3dleaf.leaf.ct.formats.stated import Stated, import_extra
+from o3dleaf.leaf.ct.formats.stated import Stated, import_reader
 
 NIFTI = (".nii", ".nii.gz")
 DETACHED = (".mhd", ".nhdr")
@@ -48,7 +48,7 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
     InputError
         If SimpleITK is not installed, the file is truncated or damaged, in color, not three-dimensional or oblique.
     """
-    import_extra("SimpleITK", "formats", path)
+    import_reader("SimpleITK", path)
     name = path.name.lower()
     if name.endswith(DICOM):
         return _read_slices(path, [_require_pixels(path)])
@@ -81,7 +81,7 @@ def read_series(folder: Path, wanted: str | None) -> tuple[npt.NDArray[Any], Sta
     InputError
         If there are several series, a slice is missing or damaged, or SimpleITK is not installed.
     """
-    import_extra("SimpleITK", "formats", folder)
+    import_reader("SimpleITK", folder)
     files = sorted(file for file in folder.iterdir() if file.is_file() and is_dicom(file))
     series: dict[str, list[Slice]] = {}
     for each in filter(None, map(look_over, files)):
@@ -158,7 +158,7 @@ def _require_even(places: list[tuple[float, ...]], folder: Path) -> None:
 @contextmanager
 def _simple_itk(path: Path) -> Iterator[Any]:
     """Yield the module SimpleITK, and turn what it raises into one line."""
-    SimpleITK = import_extra("SimpleITK", "formats", path)
+    SimpleITK = import_reader("SimpleITK", path)
     loud = SimpleITK.ProcessObject.GetGlobalWarningDisplay()
     SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)  # they go to the terminal, and no program hears them
     try:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.resources.scratch import load_array
 from o3dleaf.core.units import METERS
-from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, import_extra, only_array, reading, require_only
+from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, import_reader, only_array, reading, require_only
 
 SUFFIXES = (".zarr",)
 CODECS = {
@@ -54,7 +54,7 @@ def open_array(path: Path, layout: VoxelLayout) -> tuple[Any, Stated]:
         As of `read`.
     """
     require_only(layout, ("dataset", "axes"), path)
-    zarr = import_extra("zarr", "formats", path)
+    zarr = import_reader("zarr", path)
     with reading(path, "Zarr"):
         node = zarr.open(str(path), mode="r")
         if isinstance(node, zarr.Array):

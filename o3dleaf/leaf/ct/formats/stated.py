@@ -125,12 +125,12 @@ def reading(path: Path, kind: str) -> Iterator[None]:
         raise InputError(f"{path}: cannot be read as {kind} ({cause}); export it again") from cause
 
 
-def import_extra(module: str, extra: str, path: Path, *, package: str = "") -> Any:
+def import_reader(module: str, path: Path) -> Any:
     """Return the module that reads a file, or raise `InputError` with the line that installs its package."""
     try:
         return import_module(module)
     except ImportError as cause:
-        raise InputError(f"{path}: needs {package or module}; run: pip install 'o3dleaf[{extra}]'") from cause
+        raise InputError(f"{path}: needs {module}; run: pip install 'o3dleaf[formats]'") from cause
 
 
 def turn_to_xyz(array: npt.NDArray[Any], axes: str = SLICES_FIRST) -> npt.NDArray[Any]:
