@@ -18,7 +18,7 @@ from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import Need, need_of
 from o3dleaf.core.resume.blocks import kept
 from o3dleaf.core.units import METERS, unit_scale
-from o3dleaf.fitting.local.lattice_fit import cost_of_fit
+from o3dleaf.fitting.local.voxels.lattice_fit import cost_of_fit
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.ct.align import align_blade

@@ -73,9 +73,9 @@ def test_blocks_that_are_done_elsewhere_come_to_the_same_bytes(tmp_path, scan, m
     monkeypatch.setitem(extract_tile.__kwdefaults__, "slab_size", 1 << 12)
     cluster = Pickled()
     assert fit_on(cluster, scan, tmp_path / "spread", **given) == fit(scan, tmp_path / "plain", **given)
-    assert cluster.sent.keys() == {"_Layers", "SolverThere", "partial"}
+    assert cluster.sent.keys() == {"_Layers", "WorkerSolver", "partial"}
     # Each batch would be sent all voxels, or its own, which are as many as its coefficients; where they lie is less.
-    assert cluster.sent["SolverThere"] < cluster.returned["SolverThere"] / 2
+    assert cluster.sent["WorkerSolver"] < cluster.returned["WorkerSolver"] / 2
 
 
 @pytest.mark.parametrize("crop", [None, [[24, 0, 48], [400, 300, 200]]])
@@ -132,7 +132,7 @@ def test_what_a_killed_worker_had_is_done_by_another(tmp_path, scan, monkeypatch
 
     def killing(self, function, arguments):
         for number, result in each(self, function, arguments):
-            if type(function).__name__ == "SolverThere" and not killed:
+            if type(function).__name__ == "WorkerSolver" and not killed:
                 killed.append(self.cluster.processes()[0])
                 os.kill(killed[0], signal.SIGKILL)
             yield number, result

@@ -2,11 +2,11 @@
 
 `fitter`               the protocol: scattered data, fitters, local fits
 `splines`              splines of values
-`lattice_fit`          splines of voxels: balls that share a factorization
 `potentials`           splines of points and normals: Hermite, curl-free
 `polynomials`          moving least squares of points and normals
 `fields`               any field a ball
 `columns`              splines of several columns of values
+`voxels`               splines of voxels: balls that share a factorization
 `smoothing_selection`  how much each ball is smoothed
 `fitter_selection`     which fit of points and normals suits the noise
 `cross_validation`     errors at groups of points left out

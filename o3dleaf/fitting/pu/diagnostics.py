@@ -3,8 +3,10 @@
 from dataclasses import dataclass, fields
 
 import numpy as np
+import numpy.typing as npt
 
-from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray, as_array
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local.smoothing_selection import each_ball
@@ -67,7 +69,7 @@ class BallDiagnostics:
         return summary
 
 
-def diagnose_balls(cover: Cover, local: LocalSplines, balls: IntArray) -> BallDiagnostics:
+def diagnose_balls(cover: Cover, local: LocalSplines, balls: npt.ArrayLike | None = None) -> BallDiagnostics:
     """Return the diagnostics of some balls, each from one eigen-decomposition and the fit's own weights λ.
 
     Parameters
@@ -75,9 +77,16 @@ def diagnose_balls(cover: Cover, local: LocalSplines, balls: IntArray) -> BallDi
     cover : Cover
     local : LocalSplines
         The fit over the balls of the cover.
-    balls : (M,) int64 ndarray
+    balls : (M,) array_like of int, optional
+        Numbers of the balls; by default all that have points.
+
+    Raises
+    ------
+    InputError
+        If there is no ball of such a number, or it has no points.
     """
-    diagonals, counts, theta = local.diagonals, cover.counts[balls], local.kernel.theta
+    rows = _numbers_of(cover, balls)
+    diagonals, counts, theta = local.diagonals, cover.counts[rows], local.kernel.theta
 
     def numbers_of(ball: int) -> tuple[float, float, float, float]:
         points, coefficients, weights = local.ball(ball)
@@ -90,16 +99,28 @@ def diagnose_balls(cover: Cover, local: LocalSplines, balls: IntArray) -> BallDi
         return score, degrees, condition, float(np.sqrt(np.average(errors[known] ** 2, weights=weights[known])))
 
     with single_threaded_blas():
-        numbers = np.array(each_ball(numbers_of, balls, reports=True)).reshape(-1, 4)
+        numbers = np.array(each_ball(numbers_of, rows, reports=True)).reshape(-1, 4)
     return BallDiagnostics(
-        balls=balls,
+        balls=rows,
         points=counts,
-        smoothing=diagonals[balls],
-        rho=np.full(len(balls), np.nan) if theta is None else diagonals[balls] * theta / counts,
+        smoothing=diagonals[rows],
+        rho=np.full(len(rows), np.nan) if theta is None else diagonals[rows] * theta / counts,
         score=numbers[:, 0],
         degrees_of_freedom=numbers[:, 1],
         condition=numbers[:, 2],
-        rank=local.ranks[balls],
-        dropped=local.dropped[balls],
+        rank=local.ranks[rows],
+        dropped=local.dropped[rows],
         leave_one_out=numbers[:, 3],
     )
+
+
+def _numbers_of(cover: Cover, balls: npt.ArrayLike | None) -> IntArray:
+    """Return the numbers of balls that a fit of their own was asked of, or raise `InputError` where one has none."""
+    filled = cover.counts > 0
+    asked = np.flatnonzero(filled) if balls is None else np.atleast_1d(as_array(balls, "balls"))
+    if asked.dtype.kind not in "iu" or asked.ndim != 1 or np.any((asked < 0) | (asked >= len(filled))):
+        raise InputError(f"balls: are {asked.tolist()}; give whole numbers from 0 to {len(filled) - 1}")
+    if not filled[asked].all():
+        bare = asked[~filled[asked]].tolist()
+        raise InputError(f"balls: {bare} are bare, away from the surface, with no fit of their own; leave them out")
+    return asked.astype(np.int64)

@@ -25,22 +25,15 @@ from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.cover.contrast import widen_clusters
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
 from o3dleaf.fitting.cover.index import BallIndex
-from o3dleaf.fitting.cover.lattice_cover import VoxelCover
-from o3dleaf.fitting.cover.lattice_sample import sample_balls
 from o3dleaf.fitting.cover.voxel_lattice import VoxelLattice
 from o3dleaf.fitting.cover.voxel_values import VoxelValues
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.local.fields import FitBall
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, Fitter, LocalFits, RefittableFits, ScatteredData
 from o3dleaf.fitting.local.fitter_selection import as_fitter
-from o3dleaf.fitting.local.lattice_fit import (
-    averaged_voxels,
-    chosen_smoothing,
-    fit_voxels,
-    require_room_for_voxels,
-)
-from o3dleaf.fitting.local.smoothing_selection import GCV_BALLS
 from o3dleaf.fitting.local.splines import LocalSplines, Splines
+from o3dleaf.fitting.local.voxels.lattice_balls import cover_in_full, cover_near_surface
+from o3dleaf.fitting.local.voxels.lattice_fit import fit_voxels, require_room_for_voxels
 from o3dleaf.fitting.pu.blend import Blended
 from o3dleaf.fitting.pu.diagnostics import BallDiagnostics, diagnose_balls
 from o3dleaf.fitting.pu.lattice_blend import blend_on_lattice
@@ -319,17 +312,12 @@ class PUInterpolant(Blended):
         lattice = VoxelLattice.of(data.shape, spacing, origin, transform)
         box, marked = lattice.box(bounds), None if mask is None else as_mask(mask, data.shape)
         _, most = as_ball_size(points_per_ball, overlap)
-        sizes = data.shape, lattice.steps, most, overlap
-        model = Splines(kernel, degree, smoothing, rho).model(data.ndim)
+        volume = voxels, lattice, most, overlap, box, Splines(kernel, degree, smoothing, rho).model(data.ndim)
         if band:
-            sample, usual = sample_balls(*sizes, box, lattice.origin, GCV_BALLS)
-            model = chosen_smoothing(sample, voxels, model, two_sides=True)
-            cover = sample.banded(data, voxels.isovalue, averaged_voxels(usual, model))
-            cover = cover.reaching(box[0], box[1], lattice.origin)
+            cover, model = cover_near_surface(*volume)
             require_room_for_voxels(count, cover)
         else:
-            cover = VoxelCover.fit(*sizes, marked).reaching(box[0], box[1], lattice.origin)
-            model = chosen_smoothing(cover, voxels, model)
+            cover, model = cover_in_full(*volume, mask=marked)
         splines = fit_voxels(cover, voxels, model)
         centers, radii = cover.centers(lattice.origin), cover.radii
         balls = Cover(centers, radii, box, splines.offsets, np.empty(0, dtype=np.int64))
@@ -405,15 +393,7 @@ class PUInterpolant(Blended):
         require_one_column(self, "diagnostics")
         if not isinstance(self.local, LocalSplines):
             raise InputError("diagnostics: the local fits are no splines; fit values, with local=None")
-        count = len(self.cover.radii)
-        filled = self.cover.counts > 0
-        asked = np.flatnonzero(filled) if balls is None else np.atleast_1d(as_array(balls, "balls"))
-        if asked.dtype.kind not in "iu" or asked.ndim != 1 or np.any((asked < 0) | (asked >= count)):
-            raise InputError(f"balls: are {asked.tolist()}; give whole numbers from 0 to {count - 1}")
-        if not filled[asked].all():
-            bare = asked[~filled[asked]].tolist()
-            raise InputError(f"balls: {bare} are bare, away from the surface, with no fit of their own; leave them out")
-        return diagnose_balls(self.cover, self.local, asked.astype(np.int64))
+        return diagnose_balls(self.cover, self.local, balls)
 
     @checked
     def save(self, path: str | PathLike[str]) -> None:

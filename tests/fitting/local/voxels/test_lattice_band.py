@@ -13,9 +13,9 @@ from o3dleaf.core.resources.measured import LEFT_VOXEL, VOLUME
 from o3dleaf.fitting.cover import lattice_band
 from o3dleaf.fitting.cover.lattice_band import LatticeBand
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
-from o3dleaf.fitting.local import lattice_fit
-from o3dleaf.fitting.local.lattice_fit import averaged_voxels
 from o3dleaf.fitting.local.splines import Splines
+from o3dleaf.fitting.local.voxels import lattice_fit
+from o3dleaf.fitting.local.voxels.lattice_balls import averaged_voxels
 from tolerances import POLYNOMIAL, ROUNDING, SHARED_FACTOR
 
 SPACING = np.array([2.0, 3.0, 2.5])
