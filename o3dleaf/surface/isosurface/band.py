@@ -1,4 +1,4 @@
-"""A narrow band of a lattice's cells that grows across the faces which a surface crosses, and its triangles."""
+"""A narrow band of a lattice's cells that grows across the faces which a surface crosses."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,21 +18,13 @@ from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.surface.isosurface import band_loops as loops
-from o3dleaf.surface.isosurface import crease_edge_loops
 from o3dleaf.surface.isosurface.band_loops import CrossedEdges, Numbering
-from o3dleaf.surface.isosurface.cell_loops import COUNTS, CUBES
-from o3dleaf.surface.isosurface.crease_edge_loops import FirstRows, TangentPlanes
-from o3dleaf.surface.isosurface.crease_edges import MAX_OUTSIDE, MIN_COSINE, join_creases, meet_planes
-from o3dleaf.surface.mesh.clip import trim_to_manifold
 
 CornerArray: TypeAlias = npt.NDArray[np.int32]
 CodeArray: TypeAlias = npt.NDArray[np.uint8]
 
 BATCH_SIZE = 1 << 18
 """Points at which a field is evaluated at once."""
-
-SHARES = (1, 2, 3)
-"""About how long finding the vertices, sharpening them and joining them over creases take."""
 
 MARGIN = 1e-6
 """Part of a step that a point of the solid keeps from the faces of its box: a sample on one would make slivers."""
@@ -141,7 +133,7 @@ class Band:
         self.before = corners if passed else corners[:0]
         points = self.positions(self.keys[: self.count])
         rows = np.flatnonzero(where(points))
-        self.values[rows] = self._ask(points[rows])
+        self.values[rows] = self.ask(points[rows])
         self.known[:], self.crossed, self.edges = False, [], None
 
     def retrace(self, cells: IntArray) -> IntArray:
@@ -178,7 +170,7 @@ class Band:
                 self._grow()
         for i, j in blocks(self.count - known, BATCH_SIZE):
             rows = slice(known + i, known + j)
-            self.values[rows] = self._ask(self.positions(self.keys[rows]))
+            self.values[rows] = self.ask(self.positions(self.keys[rows]))
             # The next wave is about as large.
             progress.report(known + j, max(self.expected, 2 * self.count - known))
         codes = np.empty(len(cells), dtype=np.uint8)
@@ -212,31 +204,6 @@ class Band:
         self.table = np.full(2 * room, -1, dtype=np.int32)
         loops.fill_table(self.table, self.keys, self.count)
 
-    def draw(self, *, sharpen: bool, ends: bool, features: bool) -> tuple[FloatArray, IntArray]:
-        """Return vertices and triangles by the keys of points and cells, made manifold where a band `ends`."""
-        finding, sharpening, joining = progress.split(*SHARES)
-        with finding:
-            corners, codes, numbering, edges, vertices = self.crossing()
-            self.edges, many = None, len(vertices)  # what follows moves them in place
-        with sharpening:
-            if sharpen:
-                self._sharpen(edges, vertices)
-                vertices = self._place(edges)
-            if self.box is not None:
-                self._cut(self.box, edges, vertices)
-        with joining:
-            if features:
-                vertices, triangles = self._crease(corners, codes, numbering, edges, vertices)
-            else:
-                triangles = _draw_smooth(corners, codes, numbering, edges.fraction)
-        if not ends:
-            return vertices, triangles
-        # Two cells may touch along an edge alone, where the others were not allowed.
-        cells = np.full(len(vertices), 4, dtype=np.uint8)
-        cells[:many] = 0
-        loops.count_cells(corners, codes, numbering, cells)
-        return trim_to_manifold(vertices, triangles, cells < 4) if (cells < 4).any() else (vertices, triangles)
-
     def crossing(self) -> "Crossing":
         """Return the crossed cells and edges by their keys, with vertices where the field is linear along an edge."""
         if self.edges is None:
@@ -245,7 +212,7 @@ class Band:
             corners, codes = corners[order], codes[order]
             numbering, many = self._number(corners, codes)
             edges = self._cross_edges(corners, codes, numbering, many)
-            self.edges = Crossing(corners, codes, numbering, edges, self._place(edges))
+            self.edges = Crossing(corners, codes, numbering, edges, self.place(edges))
         return self.edges
 
     def _cross_edges(self, corners: CornerArray, codes: CodeArray, numbering: Numbering, many: int) -> CrossedEdges:
@@ -258,63 +225,6 @@ class Band:
         run_blocks(find, len(codes), BLOCK)
         return edges
 
-    def _sharpen(self, edges: CrossedEdges, vertices: FloatArray) -> None:
-        """Move vertices along their edges to the zero of a parabola."""
-        for i, j in blocks(len(vertices), BATCH_SIZE):
-            loops.sharpen_fractions(i, j, edges.here, edges.there, self._ask(vertices[i:j]), edges.fraction)
-            progress.report(j, len(vertices))
-
-    def _crease(
-        self,
-        corners: CornerArray,
-        codes: CodeArray,
-        numbering: Numbering,
-        edges: CrossedEdges,
-        vertices: FloatArray,
-    ) -> tuple[FloatArray, IntArray]:
-        """Return vertices and triangles with a vertex more in each loop of a cell whose normals disagree."""
-        normals = np.empty_like(vertices)
-        for i, j in blocks(len(vertices), BATCH_SIZE):
-            slope = require_finite(np.asarray(self.field.gradient(vertices[i:j]), dtype=np.float64), "field gradients")
-            length = np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)
-            normals[i:j] = slope / length[:, np.newaxis]
-            progress.report(j, len(vertices))
-        creases, drawn = np.empty((2, len(codes)), dtype=np.int64)
-
-        def count(start: int, stop: int) -> None:
-            crease_edge_loops.count_creases(start, stop, corners, codes, numbering, normals, MIN_COSINE, creases, drawn)
-
-        run_blocks(count, len(codes), BLOCK)
-        offsets = FirstRows(np.cumsum(creases) - creases, np.cumsum(drawn) - drawn)
-        many, triangles = int(creases.sum()), np.empty((drawn.sum(), 3), dtype=np.int64)
-        planes = TangentPlanes(
-            np.empty((many, 3, 3)), np.empty((many, 3)), np.empty((many, 3)), np.empty(many, dtype=np.int64)
-        )
-
-        def draw(start: int, stop: int) -> None:
-            crease_edge_loops.draw_creases(
-                start,
-                stop,
-                corners,
-                codes,
-                numbering,
-                edges.fraction,
-                vertices,
-                normals,
-                MIN_COSINE,
-                offsets,
-                planes,
-                triangles,
-            )
-
-        run_blocks(draw, len(codes), BLOCK)
-        if not many:
-            return vertices, triangles
-        lower = self.positions(self.keys[corners[planes.of_cell, 0]])
-        met = meet_planes(planes.squares, planes.right, planes.middle)
-        added = np.clip(met, lower - MAX_OUTSIDE * self.step, lower + (1 + MAX_OUTSIDE) * self.step)
-        return np.concatenate([vertices, added]), join_creases(triangles, len(vertices))
-
     def _number(self, corners: CornerArray, codes: CodeArray) -> tuple[Numbering, int]:
         """Return each point's first vertex and the axes along which it has one, and how many vertices there are."""
         marks, first = np.zeros(self.count, dtype=np.uint8), np.zeros(self.count, dtype=np.int64)
@@ -325,38 +235,24 @@ class Band:
         first[rows] = np.cumsum(many) - many
         return Numbering(first, marks), int(many.sum())
 
-    def _ask(self, points: FloatArray) -> FloatArray:
+    def ask(self, points: FloatArray) -> FloatArray:
         """Return the field's values less the level; outside the box those at its nearest point, below the level."""
-        if self.box is None or not (outside := self._is_outside(self.box, points)).any():
-            return self._values(points)
-        values = self._values(np.clip(points, *self.box))
+        if self.box is None or not (outside := self.is_outside(self.box, points)).any():
+            return self.values_at(points)
+        values = self.values_at(np.clip(points, *self.box))
         return np.where(outside, -np.maximum(np.abs(values), np.finfo(np.float64).tiny), values)
 
-    def _values(self, points: FloatArray) -> FloatArray:
+    def values_at(self, points: FloatArray) -> FloatArray:
+        """Return the field's values less the level at points (n, 3) of the box."""
         return require_finite(np.asarray(self.field(points), dtype=np.float64), "field values") - self.level
 
-    def _is_outside(self, box: FloatArray, points: FloatArray) -> BoolArray:
+    def is_outside(self, box: FloatArray, points: FloatArray) -> BoolArray:
+        """Return which points (n, 3) are outside the box, or on it but for `MARGIN` of a step."""
         margin = MARGIN * self.step
         x, y, z = ((points < box[0] + margin) | (points > box[1] - margin)).T  # NumPy's any along rows takes ten times
         return np.asarray(x | y | z)
 
-    def _cut(self, box: FloatArray, edges: CrossedEdges, vertices: FloatArray) -> None:
-        """Move the vertices on edges that leave the box onto its faces, or to the level where that comes before.
-
-        Along such an edge the field counts as linear from its end inside to the face.
-        """
-        lower = self.positions(self.keys[edges.lower])
-        upper = lower + self.step * (edges.direction[:, np.newaxis] >> np.arange(3) & 1)
-        rows = np.flatnonzero(self._is_outside(box, lower) != self._is_outside(box, upper))
-        if not len(rows):
-            return
-        inner = np.where((edges.here[rows] > 0)[:, np.newaxis], lower[rows], upper[rows])
-        face = np.clip(np.where((edges.here[rows] > 0)[:, np.newaxis], upper[rows], lower[rows]), *box)
-        here, there = np.maximum(edges.here[rows], edges.there[rows]), self._values(face)
-        share = np.where(there > 0, 1.0, here / np.maximum(here - there, np.finfo(np.float64).tiny))
-        vertices[rows] = np.where((share == 1.0)[:, np.newaxis], face, inner + share[:, np.newaxis] * (face - inner))
-
-    def _place(self, edges: CrossedEdges) -> FloatArray:
+    def place(self, edges: CrossedEdges) -> FloatArray:
         """Return the (v, 3) positions of vertices."""
         vertices, keys = np.empty((len(edges.lower), 3)), self.keys[edges.lower]
 
@@ -365,15 +261,3 @@ class Band:
 
         run_blocks(task, len(keys), BLOCK)
         return vertices
-
-
-def _draw_smooth(corners: CornerArray, codes: CodeArray, numbering: Numbering, fraction: FloatArray) -> IntArray:
-    """Return the triangles of cells by marching cubes."""
-    drawn = COUNTS[CUBES, codes]
-    offsets, triangles = np.cumsum(drawn) - drawn, np.empty((drawn.sum(), 3), dtype=np.int64)
-
-    def draw(start: int, stop: int) -> None:
-        loops.draw_cells(start, stop, corners, codes, numbering, fraction, offsets, triangles)
-
-    run_blocks(draw, len(codes), BLOCK)
-    return triangles

@@ -17,6 +17,7 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.newton import project_to_level
 from o3dleaf.core.trees import query
 from o3dleaf.surface.isosurface.band import Band
+from o3dleaf.surface.isosurface.band_surface import draw_band
 
 SEED_BLOCK = 4
 """One seed is used of those in a block of so many cells along each axis; the band grows from one to the next."""
@@ -119,7 +120,7 @@ class Continuation:
 
     def draw(self, *, sharpen: bool, features: bool) -> tuple[FloatArray, IntArray]:
         """Return vertices and triangles."""
-        return self.band.draw(sharpen=sharpen, ends=self.allowed is not None, features=features)
+        return draw_band(self.band, sharpen=sharpen, ends=self.allowed is not None, features=features)
 
     def _follow(self) -> None:
         """Visit the cells that seeds lead to."""

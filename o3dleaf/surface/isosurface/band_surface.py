@@ -1,0 +1,124 @@
+"""The vertices and triangles of the surface in a band: on crossed edges and, over creases, between tangent planes."""
+
+import numpy as np
+
+from o3dleaf.core import progress
+from o3dleaf.core.checks.arrays import FloatArray, require_finite
+from o3dleaf.core.field import Field
+from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.surface.isosurface import band_loops as loops
+from o3dleaf.surface.isosurface import crease_edge_loops
+from o3dleaf.surface.isosurface.band import BATCH_SIZE, BLOCK, Band, Crossing
+from o3dleaf.surface.isosurface.band_loops import CrossedEdges
+from o3dleaf.surface.isosurface.cell_loops import COUNTS, CUBES
+from o3dleaf.surface.isosurface.crease_edge_loops import FirstRows, TangentPlanes
+from o3dleaf.surface.isosurface.crease_edges import MAX_OUTSIDE, MIN_COSINE, join_creases, meet_planes
+from o3dleaf.surface.mesh.clip import trim_to_manifold
+
+SHARES = (1, 2, 3)
+"""About how long finding the vertices, sharpening them and joining them over creases take."""
+
+
+def draw_band(band: Band, *, sharpen: bool, ends: bool, features: bool) -> tuple[FloatArray, IntArray]:
+    """Return vertices and triangles by the keys of points and cells, made manifold where the band `ends`.
+
+    With `sharpen` vertices are moved to the zero of a parabola along their edges; with `features` there is one more in
+    each loop of a cell whose normals disagree.
+    """
+    finding, sharpening, joining = progress.split(*SHARES)
+    with finding:
+        crossing = band.crossing()
+        band.edges, many = None, len(crossing.vertices)  # what follows moves them in place
+    with sharpening:
+        if sharpen:
+            _sharpen(band, crossing.edges, crossing.vertices)
+            crossing = crossing._replace(vertices=band.place(crossing.edges))
+        if band.box is not None:
+            _cut(band, band.box, crossing.edges, crossing.vertices)
+    with joining:
+        vertices, triangles = _crease(band, crossing) if features else (crossing.vertices, _draw_smooth(crossing))
+    if not ends:
+        return vertices, triangles
+    # Two cells may touch along an edge alone, where the others were not allowed.
+    cells = np.full(len(vertices), 4, dtype=np.uint8)
+    cells[:many] = 0
+    loops.count_cells(crossing.corners, crossing.codes, crossing.numbering, cells)
+    return trim_to_manifold(vertices, triangles, cells < 4) if (cells < 4).any() else (vertices, triangles)
+
+
+def _sharpen(band: Band, edges: CrossedEdges, vertices: FloatArray) -> None:
+    """Move crossings along their edges to the zero of a parabola."""
+    for i, j in blocks(len(vertices), BATCH_SIZE):
+        loops.sharpen_fractions(i, j, edges.here, edges.there, band.ask(vertices[i:j]), edges.fraction)
+        progress.report(j, len(vertices))
+
+
+def _cut(band: Band, box: FloatArray, edges: CrossedEdges, vertices: FloatArray) -> None:
+    """Move the vertices on edges that leave the box onto its faces, or to the level where that comes before.
+
+    Along such an edge the field counts as linear from its end inside to the face.
+    """
+    lower = band.positions(band.keys[edges.lower])
+    upper = lower + band.step * (edges.direction[:, np.newaxis] >> np.arange(3) & 1)
+    rows = np.flatnonzero(band.is_outside(box, lower) != band.is_outside(box, upper))
+    if not len(rows):
+        return
+    inner = np.where((edges.here[rows] > 0)[:, np.newaxis], lower[rows], upper[rows])
+    face = np.clip(np.where((edges.here[rows] > 0)[:, np.newaxis], upper[rows], lower[rows]), *box)
+    here, there = np.maximum(edges.here[rows], edges.there[rows]), band.values_at(face)
+    share = np.where(there > 0, 1.0, here / np.maximum(here - there, np.finfo(np.float64).tiny))
+    vertices[rows] = np.where((share == 1.0)[:, np.newaxis], face, inner + share[:, np.newaxis] * (face - inner))
+
+
+def _crease(band: Band, crossing: Crossing) -> tuple[FloatArray, IntArray]:
+    """Return vertices and triangles with a vertex more in each loop of a cell whose normals disagree."""
+    corners, codes, numbering, edges, vertices = crossing
+    normals = _unit_gradients(band.field, vertices)
+    creases, drawn = np.empty((2, len(codes)), dtype=np.int64)
+
+    def count(start: int, stop: int) -> None:
+        crease_edge_loops.count_creases(start, stop, corners, codes, numbering, normals, MIN_COSINE, creases, drawn)
+
+    run_blocks(count, len(codes), BLOCK)
+    offsets = FirstRows(np.cumsum(creases) - creases, np.cumsum(drawn) - drawn)
+    many, triangles = int(creases.sum()), np.empty((drawn.sum(), 3), dtype=np.int64)
+    planes = TangentPlanes(
+        np.empty((many, 3, 3)), np.empty((many, 3)), np.empty((many, 3)), np.empty(many, dtype=np.int64)
+    )
+
+    def draw(start: int, stop: int) -> None:
+        cells, shape = (start, stop, corners, codes, numbering), (edges.fraction, vertices, normals, MIN_COSINE)
+        crease_edge_loops.draw_creases(*cells, *shape, offsets, planes, triangles)
+
+    run_blocks(draw, len(codes), BLOCK)
+    if not many:
+        return vertices, triangles
+    lower = band.positions(band.keys[corners[planes.of_cell, 0]])
+    met = meet_planes(planes.squares, planes.right, planes.middle)
+    added = np.clip(met, lower - MAX_OUTSIDE * band.step, lower + (1 + MAX_OUTSIDE) * band.step)
+    return np.concatenate([vertices, added]), join_creases(triangles, len(vertices))
+
+
+def _unit_gradients(field: Field, points: FloatArray) -> FloatArray:
+    """Return the (n, 3) gradients of a field at points (n, 3), divided by their lengths."""
+    normals = np.empty_like(points)
+    for i, j in blocks(len(points), BATCH_SIZE):
+        slope = require_finite(np.asarray(field.gradient(points[i:j]), dtype=np.float64), "field gradients")
+        length = np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)
+        normals[i:j] = slope / length[:, np.newaxis]
+        progress.report(j, len(points))
+    return normals
+
+
+def _draw_smooth(crossing: Crossing) -> IntArray:
+    """Return the triangles of cells by marching cubes."""
+    corners, codes, numbering, edges, _ = crossing
+    drawn = COUNTS[CUBES, codes]
+    offsets, triangles = np.cumsum(drawn) - drawn, np.empty((drawn.sum(), 3), dtype=np.int64)
+
+    def draw(start: int, stop: int) -> None:
+        loops.draw_cells(start, stop, corners, codes, numbering, edges.fraction, offsets, triangles)
+
+    run_blocks(draw, len(codes), BLOCK)
+    return triangles
