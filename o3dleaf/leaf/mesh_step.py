@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from o3dleaf.core.cloud_arrays import CloudLike
-from o3dleaf.surface.cloud.preprocess import remove_faults
+from o3dleaf.surface.cloud.usable_points import remove_faults
 
 STEPS_PER_PATCH = 5
 """Steps in the height of a micro-CT patch: what stands out of a blade, ridges between its veins and hairs, is about as

@@ -37,7 +37,7 @@ from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.leaf.textured_blade import Texture
 from o3dleaf.surface.cloud.outliers import detect_outliers
-from o3dleaf.surface.cloud.preprocess import remove_faults
+from o3dleaf.surface.cloud.usable_points import remove_faults
 
 LEAF_LENGTH_MM = (5.0, 3000.0)
 PATCH_WIDTH_MM = (0.05, 50.0)

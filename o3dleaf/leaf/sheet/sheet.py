@@ -34,8 +34,8 @@ from o3dleaf.leaf.sheet.widths import (
     widen,
 )
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.cloud.preprocess import usable_rows
 from o3dleaf.surface.cloud.surfels import thinned
+from o3dleaf.surface.cloud.usable_points import usable_rows
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.topology import find_holes
 from o3dleaf.surface.reconstruction.along_mesh import vertex_normals

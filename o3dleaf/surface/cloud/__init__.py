@@ -7,6 +7,7 @@
 `branchings`      lines along which three or more sheets meet
 `oriented_cloud`  the one class for a cloud, with its tree, neighbors, spacing and noise
 `outliers`        points that belong to no surface
+`usable_points`   finite, distinct points that are no outliers
 `normals`         agreement of neighbors' normals, and the pieces that agree
 `winding`         the winding number of the whole: signs of pieces, and normals in doubt
 `orientation`     normals that point outward: estimated, given, or turned to the scanner

@@ -11,7 +11,7 @@ from cloud_shapes import torus
 from o3dleaf import OrientedCloud, detect_outliers, read_point_cloud
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.pipeline import is_far
-from o3dleaf.surface.cloud.preprocess import remove_faults
+from o3dleaf.surface.cloud.usable_points import remove_faults
 from tolerances import SCATTERED
 
 
