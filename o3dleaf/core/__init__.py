@@ -12,6 +12,7 @@
 `resume`         finished parts of long work, kept beside its result
 `progress`       how far the running work is, by context
 `parallel`       the thread pool that drives compiled loops over fixed blocks
+`even_sample`    rows evenly spread over all
 `trees`          queries of k-d trees, on as many threads as they are worth
 `resources`      the memory and the time that may be used, and what needs more refused
 `journal`        the stages of a long job, timed

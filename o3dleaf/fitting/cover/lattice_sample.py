@@ -5,6 +5,7 @@ from collections import Counter
 import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.even_sample import even_rows
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.rbf.tail import IntArray
 
@@ -42,7 +43,7 @@ def sample_balls(  # noqa: PLR0917 - the arguments of `VoxelCover.fit` and `reac
         known = zip(map(tuple, cover.keys.tolist()), np.unique(cover.classes, return_index=True)[1], strict=True)
         usual = {key: cover.starts[[ball]] for key, ball in known} | usual
     ends = np.cumsum(sizes)
-    chosen = np.unique(np.linspace(0, ends[-1] - 1, number).round().astype(np.int64))
+    chosen = even_rows(int(ends[-1]), number)
     places = np.searchsorted(ends, chosen, side="right")
     starts = [
         part(firsts[place], layers).starts[chosen[places == place] - (ends[place] - sizes[place])]

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.scalars import require_choice
+from o3dleaf.core.even_sample import even_rows
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.core.trees import query
 from o3dleaf.fitting.local.fields import FieldPerBall, FitBall
@@ -84,7 +85,7 @@ def mean_square_residual(size: int, data: OrientedPoints, tree: cKDTree) -> floa
     fitter, points = MovingLeastSquares(), data.points
     exponents = tail_exponents(points.shape[1], fitter.degree)
     places = min(MAX_BALLS, MAX_POINTS // size)
-    seeds = np.unique(np.linspace(0, len(points) - 1, places).round().astype(np.int64))
+    seeds = even_rows(len(points), places)
     distances, near = query(tree, points[seeds], k=size)
 
     def residual(k: int) -> float:

@@ -18,6 +18,7 @@ from o3dleaf.core.arguments.kinds import Count, Positive, SmoothingValue
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.scalars import as_number, require_choice, require_positive
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.even_sample import even_rows
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
 from o3dleaf.fitting.cover.cover import Cover, ragged_rows
 from o3dleaf.fitting.cover.index import BallIndex
@@ -156,7 +157,7 @@ def _chosen(smoothing: SmoothingValue, cover: Cover, points: OrientedPoints, kin
         return Spectrum(eigenvalues, coefficients, int(cover.counts[ball]))
 
     filled = balls_with_points(cover, points.points)
-    sample = filled[np.unique(np.linspace(0, len(filled) - 1, GCV_BALLS).round().astype(np.int64))]
+    sample = filled[even_rows(len(filled), GCV_BALLS)]
     with single_threaded_blas():
         return choose_by_gcv(Spectrum.pooled(each_ball(spectrum, sample)))
 

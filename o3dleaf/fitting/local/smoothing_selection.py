@@ -8,6 +8,7 @@ import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.even_sample import even_rows
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.core.resume.blocks import run_kept_blocks
 from o3dleaf.fitting.cover.cover import Cover
@@ -79,7 +80,7 @@ def choose_smoothing(
         pooled, trials = shared.agreed()
         return (pooled, None) if smoothing.value == "gcv" else (smoothing, shared.each(trials))
     if smoothing.value == "gcv":
-        return smoothing.chosen(Spectrum.pooled(each_ball(spectrum, _sample(len(cover.radii), GCV_BALLS)))), None
+        return smoothing.chosen(Spectrum.pooled(each_ball(spectrum, even_rows(len(cover.radii), GCV_BALLS)))), None
     return smoothing, _value_of_each(lambda ball: _own_value(spectrum(ball)), len(cover.radii))
 
 
@@ -98,7 +99,7 @@ class SharedErrors:
         That is a tenth to a hundred times of it. A pooled fit that nearly goes through the data has found no noise,
         and nothing to choose: there all take its value.
         """
-        sample = _sample(len(self.cover.radii), max(LEAST_BALLS, round(SHARED_POINTS / np.median(self.cover.counts))))
+        sample = even_rows(len(self.cover.radii), max(LEAST_BALLS, round(SHARED_POINTS / np.median(self.cover.counts))))
         decomposed = each_ball(lambda ball: fit_loops.decompose_ball(*self._system(ball), *self._sharing), sample)
         few = slice(None, None, max(1, len(sample) // 4))
         found = zip(sample[few], decomposed[few], strict=True)
@@ -155,11 +156,6 @@ class SharedErrors:
         """Return what a value of the smoothing is multiplied with in a ball's unit coordinates."""
         scale = self.model.smoothing.scale(int(self.cover.counts[ball]))
         return float(scale / self.cover.radii[ball] ** self.model.kernel.power)
-
-
-def _sample(count: int, size: int) -> IntArray:
-    """Return so many of the numbers below `count`, spread over them."""
-    return np.unique(np.linspace(0, count - 1, size).round().astype(np.int64))
 
 
 def _own_value(spectrum: Spectrum) -> float:

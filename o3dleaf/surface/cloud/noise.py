@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.even_sample import even_rows
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.core.trees import query
@@ -65,7 +66,7 @@ def measure_places(points: FloatArray, tree: cKDTree, normals: FloatArray | None
     Of points with outward `normals` (n, 3) only those on the side of the place count: those of another sheet, however
     near, say nothing of this one.
     """
-    rows = _sample(points)
+    rows = even_rows(len(points), SAMPLE)
     noise, spacing = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
     for count in PATCHES:
         unknown = np.flatnonzero(np.isnan(noise))
@@ -85,16 +86,11 @@ def measure_places(points: FloatArray, tree: cKDTree, normals: FloatArray | None
 
 def is_shape(points: FloatArray, tree: cKDTree, normals: FloatArray | None = None) -> bool:
     """Return whether what quadrics leave of `points` (n, 3), as in `measure_places`, is their shape's and not noise."""
-    rows = _sample(points)
+    rows = even_rows(len(points), SAMPLE)
     near = query(tree, points[rows], k=WIDER)[1]
     narrow, wider = (_measure(points, normals, rows, near[:, :count].copy(), NARROWEST)[0] for count in (NARROW, WIDER))
     known = ~np.isnan(narrow + wider)
     return bool(known.any() and np.median(narrow[known]) < FALL * np.median(wider[known]))
-
-
-def _sample(points: FloatArray) -> IntArray:
-    """Return the rows (m,) of some hundred of the points (n, 3)."""
-    return np.unique(np.linspace(0, len(points) - 1, SAMPLE).round().astype(np.int64))
 
 
 def _measure(

@@ -10,16 +10,14 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
-from o3dleaf.fitting.cover.ball_loops import order_by_leaf
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
-from o3dleaf.fitting.local.blending import BLEND_BLOCK
+from o3dleaf.fitting.local.blending import blend_balls
 from o3dleaf.fitting.local.columns import column_fit_loops
 from o3dleaf.fitting.local.columns.column_blend_loops import ColumnBalls, blend_columns
 from o3dleaf.fitting.local.fit_loops import SplineArrays, Tails
 from o3dleaf.fitting.local.fitter import ScatteredData
 from o3dleaf.fitting.local.smoothing_selection import choose_smoothing
-from o3dleaf.fitting.rbf.evaluation_loops import jet_size
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, require_twice_differentiable
 from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
 from o3dleaf.fitting.rbf.tail import IntArray
@@ -113,17 +111,7 @@ class LocalColumns:
         model = ColumnBalls(
             self.offsets, self.places, sites, weights, self.tails, self.exponents, self.kernel.power, widest
         )
-        folded, leaves = index.fold(queries)
-        asked = queries if index.is_left(queries, folded) else queries[:0]
-        order = order_by_leaf(leaves, len(index.tree.axes))
-        jets = np.empty((self.columns, jet_size(queries.shape[1], level), len(queries)))
-
-        def task(start: int, stop: int) -> None:
-            ways = asked, folded, index.period, leaves
-            blend_columns(start, stop, order, *ways, index.tree, index.images, model, level, jets)
-
-        run_blocks(task, len(queries), BLEND_BLOCK)
-        return jets
+        return blend_balls(model, index, queries, level, blend=blend_columns, columns=(self.columns,))
 
     @cached_property
     def _single(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.even_sample import even_rows
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.cover.lattice_sample import sample_balls
@@ -94,7 +95,7 @@ def _choose_smoothing(
         raise InputError(
             "smoothing: balls on a lattice share one factorization and its smoothing; give 'gcv' or a number"
         )
-    sample = np.unique(np.linspace(0, len(cover.starts) - 1, GCV_BALLS).round().astype(np.int64))
+    sample = even_rows(len(cover.starts), GCV_BALLS)
     batches = list(batches_of(cover.classes[sample], np.arange(len(sample))))
 
     def of_class(batch: int) -> list[tuple[Spectrum, bool]]:

@@ -5,6 +5,7 @@ import numpy as np
 from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import OrientationError
+from o3dleaf.core.even_sample import even_rows
 from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
 from o3dleaf.surface.cloud.normals import repair_normals
 from o3dleaf.surface.cloud.orientation.orientation import Orientation, orient_surfels
@@ -165,7 +166,7 @@ def _point_inward(surfels: Surfels, unit: FloatArray) -> bool:
     """Return whether unit normals (n, 3) of the cloud's points enclose a volume from the wrong side."""
     area, tree = surfels.total(surfels.spacing**2), DipoleTree(surfels.points)
     flux = np.ascontiguousarray((_group_means(surfels, unit) * area[:, np.newaxis])[tree.order])
-    some = np.unique(np.linspace(0, len(flux) - 1, SAMPLE).round().astype(np.int64))
+    some = even_rows(len(flux), SAMPLE)
     disc = np.sqrt(area[tree.order[some]] / (2 * np.pi))
     return float(tree.winding_at(flux, tree.points[some], disc).mean()) < -OPEN
 
