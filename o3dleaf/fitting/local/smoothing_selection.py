@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -156,6 +156,29 @@ class SharedErrors:
         """Return what a value of the smoothing is multiplied with in a ball's unit coordinates."""
         scale = self.model.smoothing.scale(int(self.cover.counts[ball]))
         return float(scale / self.cover.radii[ball] ** self.model.kernel.power)
+
+
+class BallSmoothing(NamedTuple):
+    """How much each ball is smoothed: alike, by values (M,) of its own, or by what it chooses of `trials` in its fit.
+
+    In that case the fit writes the values.
+    """
+
+    smoothing: Smoothing
+    per_ball: FloatArray | None
+    trials: SharedTrials | None
+
+    @classmethod
+    def chosen(
+        cls, cover: Cover, data: ScatteredData, model: SplineModel, terms: IntArray, per_ball: FloatArray | None
+    ) -> "BallSmoothing":
+        """Choose it, unless `per_ball` says it."""
+        if per_ball is not None:
+            return cls(model.smoothing, per_ball, None)
+        if model.smoothing.value == "gcv-per-ball" and data.groups is not None:
+            trials = SharedErrors(cover, data, model, terms).agreed()[1]
+            return cls(model.smoothing, np.empty(len(cover.radii)), trials)
+        return cls(*choose_smoothing(cover, data, model, terms), None)
 
 
 def _own_value(spectrum: Spectrum) -> float:

@@ -21,7 +21,7 @@ from o3dleaf.fitting.local.blending import blend_balls
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns, fit_columns
 from o3dleaf.fitting.local.fit_loops import SplineArrays, Tails
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, ScatteredData
-from o3dleaf.fitting.local.smoothing_selection import SharedErrors, choose_smoothing
+from o3dleaf.fitting.local.smoothing_selection import BallSmoothing
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_degree, as_kernel, require_twice_differentiable
 from o3dleaf.fitting.rbf.shared_noise_loops import SharedNoise, shared_noise
 from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel, as_smoothing
@@ -67,50 +67,23 @@ def fit_splines(
     Of the tail's monomials, lowest degree first, ball i has ``terms[i]``, or all of them. Where each ball's own
     smoothing is known, it is ``per_ball[i]``.
     """
-    count, total, dimension = len(cover.radii), int(cover.offsets[-1]), data.points.shape[1]
-    exponents, values = model.exponents, data.weighted
-    fitted = SplineArrays(
-        np.empty(dimension * total),
-        np.empty(total),
-        np.zeros((count, len(exponents))),
-        np.empty(count, dtype=np.int64),
-        np.empty(count, dtype=np.int64),
-    )
+    count, exponents = len(cover.radii), model.exponents
     tail = Tails(exponents, np.full(count, len(exponents)) if terms is None else terms)
-    power, smoothing, trials = model.kernel.power, model.smoothing, None
-    choose = smoothing.value == "gcv-per-ball" and per_ball is None
+    choose = model.smoothing.value == "gcv-per-ball" and per_ball is None
     # Balls that choose before their fit take about as long for it, a sample of them nothing.
     choosing, solving = progress.split(choose and data.groups is None, 1)
     with single_threaded_blas():
         with choosing:
-            if choose and data.groups is not None:
-                per_ball, trials = np.empty(count), SharedErrors(cover, data, model, tail.terms).agreed()[1]
-            elif per_ball is None:
-                smoothing, per_ball = choose_smoothing(cover, data, model, tail.terms)
-        diagonals = None if trials else smoothing.diagonals(cover.counts, per_ball)
-
-        def task(start: int, stop: int) -> None:
-            balls = start, stop, values, cover.balls, tail, power
-            if trials:
-                fit_loops.fit_choosing_balls(*balls, data.groups, trials, per_ball, fitted)
-            else:
-                fit_loops.fit_balls(*balls, diagonals, data.named, data.share, fitted)
-
-        def written(start: int, stop: int) -> tuple[npt.NDArray[Any], ...]:
-            first, last = cover.offsets[start], cover.offsets[stop]
-            sites, weights, *by_ball = fitted
-            own = () if trials is None or per_ball is None else (per_ball,)
-            by_ball = [each[start:stop] for each in (*by_ball, *own)]
-            return sites[dimension * first : dimension * last], weights[first:last], *by_ball
-
+            chosen = BallSmoothing.chosen(cover, data, model, tail.terms, per_ball)
         with solving:
-            run_kept_blocks(task, count, BATCH_SIZE, written)
-    sites, weights, tails, ranks, dropped = fitted
+            fitted = _fit_balls(cover, data, model.kernel.power, tail, chosen)
     kept = None if data.weights is None else data.weights[cover.members]
-    places = dimension * cover.offsets[:-1]
+    groups = data.named[cover.members] if data.share else None
+    places = data.points.shape[1] * cover.offsets[:-1]
+    sites, weights, tails, ranks, dropped = fitted
     return LocalSplines(
         model.kernel,
-        smoothing,
+        chosen.smoothing,
         cover.offsets,
         places,
         sites,
@@ -119,11 +92,42 @@ def fit_splines(
         exponents,
         ranks,
         dropped,
-        per_ball,
+        chosen.per_ball,
         kept,
-        data.named[cover.members] if data.share else None,
+        groups,
         data.share,
     )
+
+
+def _fit_balls(cover: Cover, data: ScatteredData, power: int, tail: Tails, chosen: BallSmoothing) -> SplineArrays:
+    """Return the fits of all balls, and write the smoothing of those that choose it on the way."""
+    count, total, dimension = len(cover.radii), int(cover.offsets[-1]), data.points.shape[1]
+    fitted = SplineArrays(
+        np.empty(dimension * total),
+        np.empty(total),
+        np.zeros((count, len(tail.exponents))),
+        np.empty(count, dtype=np.int64),
+        np.empty(count, dtype=np.int64),
+    )
+    values, (smoothing, per_ball, trials) = data.weighted, chosen
+    diagonals = None if trials else smoothing.diagonals(cover.counts, per_ball)
+
+    def task(start: int, stop: int) -> None:
+        balls = start, stop, values, cover.balls, tail, power
+        if trials:
+            fit_loops.fit_choosing_balls(*balls, data.groups, trials, per_ball, fitted)
+        else:
+            fit_loops.fit_balls(*balls, diagonals, data.named, data.share, fitted)
+
+    def written(start: int, stop: int) -> tuple[npt.NDArray[Any], ...]:
+        first, last = cover.offsets[start], cover.offsets[stop]
+        sites, weights, *by_ball = fitted
+        own = () if trials is None or per_ball is None else (per_ball,)
+        by_ball = [each[start:stop] for each in (*by_ball, *own)]
+        return sites[dimension * first : dimension * last], weights[first:last], *by_ball
+
+    run_kept_blocks(task, count, BATCH_SIZE, written)
+    return fitted
 
 
 @dataclass(frozen=True, eq=False)
