@@ -39,7 +39,6 @@ def _write(
     cell_data: Table,
     note: str,
 ) -> None:
-    arrays: list[npt.NDArray[Any]] = []
     kind, connectivity, offsets = cells
     sections: list[tuple[str, Table]] = [
         ("Points", {"Points": points}),
@@ -47,27 +46,32 @@ def _write(
         ("PointData", point_data),
         ("CellData", cell_data),
     ]
-    place, body = 0, []
-    for section, table in sections:
-        body.append(f"<{section}>")
-        for name, array in table.items():
-            width = f' NumberOfComponents="{array.shape[1]}"' if array.ndim == 2 else ""
-            kind_of = TYPES[array.dtype.name]
-            body.append(f'<DataArray type="{kind_of}" Name="{name}"{width} format="appended" offset="{place}"/>')
-            arrays.append(array)
-            place += 8 + array.nbytes
-        body.append(f"</{section}>")
+    body, size = _declared(sections)
     numbers = f'NumberOfPoints="{len(points)}" NumberOf{kind}="{len(offsets)}"'
     header = (
         '<?xml version="1.0"?>\n'
         '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n'
         f"<!-- o3dleaf: {note.replace('--', '- -')} -->\n<PolyData>\n<Piece {numbers}>\n"
-        + "\n".join(body)
+        + body
         + '\n</Piece>\n</PolyData>\n<AppendedData encoding="raw">\n_'
     )
-    claim(out, len(header) + place)
+    claim(out, len(header) + size)
     out.write(header.encode("ascii", "replace"))
-    for array in arrays:
+    for array in (array for _, table in sections for array in table.values()):
         out.write(array.nbytes.to_bytes(8, "little"))
         out.write(np.ascontiguousarray(array).astype(array.dtype.newbyteorder("<"), copy=False).tobytes())
     out.write(b"\n</AppendedData>\n</VTKFile>\n")
+
+
+def _declared(sections: list[tuple[str, Table]]) -> tuple[str, int]:
+    """Return the lines that say which arrays there are, and where, and how many bytes all of them take."""
+    place, lines = 0, []
+    for section, table in sections:
+        lines.append(f"<{section}>")
+        for name, array in table.items():
+            width = f' NumberOfComponents="{array.shape[1]}"' if array.ndim == 2 else ""
+            kind = TYPES[array.dtype.name]
+            lines.append(f'<DataArray type="{kind}" Name="{name}"{width} format="appended" offset="{place}"/>')
+            place += 8 + array.nbytes
+        lines.append(f"</{section}>")
+    return "\n".join(lines), place

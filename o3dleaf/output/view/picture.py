@@ -1,11 +1,9 @@
 """A picture of meshes and point clouds, on a machine with or without a screen."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from textwrap import wrap
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +19,7 @@ from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.core.units import check_unit
 from o3dleaf.output.view.camera import Camera, Reach, View
+from o3dleaf.output.view.heading import Heading
 from o3dleaf.output.view.offscreen import find_renderer, rasterize
 from o3dleaf.output.view.panel import Box, Page, em_of, lay_out, save_figure
 from o3dleaf.output.view.scene import Drawable, Scalars, Scene, encode, linear
@@ -35,10 +34,6 @@ PIXELS, VECTORS = (".png", ".jpg", ".jpeg"), (".pdf", ".svg")
 SUFFIXES = PIXELS + VECTORS
 FEWEST, MOST = 64, 30_000
 """Pixels of a side; Matplotlib draws below 2^16."""
-LETTER = 0.47
-"""Mean width of a letter of a caption, in heights of a line."""
-UNIT = re.compile(r"(?<=\d) (?=%|[nµumck]?m\b)")
-"""The space between a number and its unit, at which no line ends."""
 ENGINES = ("cpu", "open3d", "auto")
 
 
@@ -177,23 +172,15 @@ def draw_page(
     foot = round(2.6 * em) if scale_bar or any(scene.scalars for scene in scenes) else 0
     reaches = [_reach(scene, each.view) for scene, each in zip(scenes, panels, strict=True)]
     fitted = reaches[0].camera()
-    heading, *caption = title.split("\n") if title else [""]
-    lines = lines_of(caption, max(1, int((size[0] / em - 2) / LETTER)))
-    room = max(0, int((0.75 * size[1] / em - 2.8) / 1.4))  # the picture keeps a quarter of the page
-    if len(lines) > room:
-        lines = [*lines[: max(0, room - 1)], "…"][:room]
-    top = round((2.4 * bool(heading) + 1.4 * len(lines) + 0.4 * bool(lines)) * em)
-    main, beside = lay_out(size, len(details), fitted.width / fitted.height, top, foot)
+    heading = Heading.of(title or "", size, em)
+    main, beside = lay_out(size, len(details), fitted.width / fitted.height, heading.height, foot)
     boxes = [main, *beside]
     shots = [
         _shoot(scene, each.view, reach, box.without_foot(foot))
         for scene, each, reach, box in zip(scenes, panels, reaches, boxes, strict=True)
     ]
     page = Page(_expose(shots, boxes, size, engine), subject.view.text, dpi)
-    if heading:
-        page.write(em, 1.3 * em, heading, scale=1.25)
-    for number, line in enumerate(lines):
-        page.write(em, (1.1 + 1.4 * number + 2.2 * bool(heading)) * em, line, scale=0.85)
+    heading.draw(page)
     for inset, scene, box in zip(details, scenes[1:], beside, strict=True):
         _mark_inset(page, shots[0].camera, main.without_foot(foot), (inset, scene), box)
     for each, scene, shot, box in zip(panels, scenes, shots, boxes, strict=True):
@@ -242,8 +229,3 @@ def _mark_inset(page: Page, camera: Camera, main: Box, detail: tuple[Inset, Scen
     # What lies beside the picture has no place on it, and no line leads there.
     if (high >= edge).all() and (low <= edge + main.size).all():
         page.mark(np.clip([low, high], edge, edge + main.size), box)
-
-
-def lines_of(texts: Sequence[str], letters: int) -> list[str]:
-    """Return texts as lines of at most so many letters, which do not end between a number and its unit."""
-    return [line for text in texts for line in wrap(UNIT.sub("\u00a0", text), letters)]
