@@ -156,7 +156,7 @@ def fill_particles(mesh: AnyMesh, step: Positive, *, unit: Unit | None = None) -
     mesh : Open3D mesh, (vertices, triangles) or LabelledMesh
         Closed: every edge has two triangles.
     step : float
-        Distance of neighbours, in the mesh's unit; each particle's volume is step³.
+        Distance of neighbors, in the mesh's unit; each particle's volume is step³.
     unit : str, optional
         Unit of the mesh.
 
