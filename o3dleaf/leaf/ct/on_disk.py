@@ -47,7 +47,7 @@ class VolumeOnDisk(PlacedVoxels):
 
     Attributes
     ----------
-    voxels : array-like
+    voxels : (nx, ny, nz) array-like
         Intensities along (x, y, z), read by slices.
     spacing, origin : (3,) ndarray
     unit : str or None

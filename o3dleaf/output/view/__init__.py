@@ -11,7 +11,6 @@ The public names are loaded when they are first used; they stand in the stub bes
 `shade_loops`  compiled: normals, rays to the sky, the sums of pixels
 `offscreen`  Open3D's renderer in a process of its own, where it works
 `panel`      the furniture of the page, drawn by Matplotlib
-`heading`    the title of a page, and the lines below it
 `picture`    `render`: the leaf, insets of its micro-structure, scale bars, color bar, title
 `leaf_picture`  the whole leaf, with an inset of its micro-structure
 `maps`       maps over the blade

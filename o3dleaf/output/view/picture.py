@@ -19,9 +19,8 @@ from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.core.units import check_unit
 from o3dleaf.output.view.camera import Camera, Reach, View
-from o3dleaf.output.view.heading import Heading
 from o3dleaf.output.view.offscreen import find_renderer, rasterize
-from o3dleaf.output.view.panel import Box, Page, em_of, lay_out, save_figure
+from o3dleaf.output.view.panel import Box, Heading, Page, em_of, lay_out, save_figure
 from o3dleaf.output.view.scene import Drawable, Scalars, Scene, encode, linear
 from o3dleaf.output.view.shade import Shot, shade_mesh
 

@@ -12,8 +12,7 @@ from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.units import name_length
 from o3dleaf.output.view import render, show
 from o3dleaf.output.view.camera import Camera, View
-from o3dleaf.output.view.heading import lines_of
-from o3dleaf.output.view.panel import lay_out, round_length
+from o3dleaf.output.view.panel import lay_out, lines_of, round_length
 from o3dleaf.output.view.picture import PAPER, Inset, Scalars, draw_page
 from tolerances import BACKGROUND, SILHOUETTE
 

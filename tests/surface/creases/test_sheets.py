@@ -60,7 +60,10 @@ def test_balls_over_an_edge_are_split_into_its_two_sides(slope):
     assert (len(splits.balls) > 0) == (slope == 1.0)
     assert np.all(splits.counts == 2)
     assert np.array_equal(splits.composition, np.tile([0, -1], len(splits.balls)))
-    for part in np.split(splits.members, np.cumsum(splits.sizes)[:-1]):
+    parts = np.split(splits.members, np.cumsum(splits.sizes)[:-1])
+    for k, ball in enumerate(splits.balls):
+        assert set(cover.members[cover.offsets[ball] : cover.offsets[ball + 1]]) <= {*parts[2 * k], *parts[2 * k + 1]}
+    for part in parts:
         across = x[part[part < 900]]
         assert len(set(np.sign(across[np.abs(across) > 0.02]))) <= 1
         assert np.all(np.diff(part) > 0)

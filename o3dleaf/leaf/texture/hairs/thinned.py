@@ -49,7 +49,7 @@ class LiddedField(LayerField):
     base : PatchBlend, TiledField, WangField or WangTorus
         F₀.
     hairs : LaidHairs
-    period, cell : ndarrays
+    period, cell : (2,), (2, 3) ndarrays
         As those of F₀.
     """
 
@@ -146,7 +146,7 @@ class ThinnedField(LiddedField):
         hairs are kept.
     seed : int
     zones : HairZones
-    period, cell : ndarrays
+    period, cell : (2,), (2, 3) ndarrays
         As the texture's.
     """
 
