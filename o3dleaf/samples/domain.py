@@ -55,3 +55,10 @@ def evaluate(
 
     run_blocks(task, len(where), BLOCK)
     return values, gradients
+
+
+def inside_by_distance(points: FloatArray, feet: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
+    """Return the values (n,), `reach` less the distances of points (n, 3) from their feet, and the gradients (n, 3)."""
+    away = points - feet
+    distance = np.linalg.norm(away, axis=1)
+    return reach - distance, -away / np.where(distance > 0, distance, 1.0)[:, np.newaxis]

@@ -12,7 +12,7 @@ from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.checks.arrays import FloatArray, as_lengths, as_pairs, as_row
 from o3dleaf.core.checks.coordinates import as_near
 from o3dleaf.core.checks.scalars import as_number
-from o3dleaf.samples.domain import evaluate
+from o3dleaf.samples.domain import evaluate, inside_by_distance
 
 NODES = 401
 """Stations of the axis; the cubic through them, tangents given, is exact to 1e-9 of the length."""
@@ -166,9 +166,7 @@ class WheatBlade:
         return self.surface(x[:, 0], x[:, 1] * self.half_width(x[:, 0]))
 
     def _inside(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        away = points - self.closest(points)[0]
-        distance = np.linalg.norm(away, axis=1)
-        return self.half_thickness - distance, -away / np.where(distance > 0, distance, 1.0)[:, np.newaxis]
+        return inside_by_distance(points, self.closest(points)[0], self.half_thickness)
 
 
 def _area(grid: FloatArray) -> float:

@@ -41,7 +41,7 @@ def _require_lines(file: Path, start: int, count: int | None) -> None:
             if _begins_with_number(line):
                 lines, first, last = lines + 1, first or line, line
     if count is not None and lines < count:
-        raise _short(file, count)
+        raise too_short(file, count)
     if len(last.split()) < len(first.split()):
         raise InputError(f"{file}: its last line has fewer columns than its first; it was cut off, copy it again")
 
@@ -56,7 +56,8 @@ def _begins_with_number(line: bytes) -> bool:
     return True
 
 
-def _short(file: Path, count: int) -> InputError:
+def too_short(file: Path, count: int) -> InputError:
+    """Return the error of a file that ends before so many points."""
     return InputError(f"{file}: is too short for the {count:,} points that it names; it was cut off, copy it again")
 
 

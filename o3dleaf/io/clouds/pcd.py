@@ -10,6 +10,7 @@ import numpy.typing as npt
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.clouds.columns import Columns
+from o3dleaf.io.clouds.cut_off import too_short
 from o3dleaf.io.clouds.lzf import unpack
 from o3dleaf.io.polygons.numbers import no_number
 
@@ -107,7 +108,7 @@ def _text_fields(file: Path, header: PcdHeader) -> dict[str, npt.NDArray[Any]]:
             places[name] = column
         column += int(np.prod(header.record[name].shape, dtype=np.int64))
     if header.count > file.stat().st_size:
-        raise _short(file, header.count)
+        raise too_short(file, header.count)
     with file.open("rb") as stream:
         stream.seek(header.end)
         try:
@@ -115,7 +116,7 @@ def _text_fields(file: Path, header: PcdHeader) -> dict[str, npt.NDArray[Any]]:
         except ValueError as cause:
             raise no_number(file, cause) from cause
     if len(rows) < header.count:
-        raise _short(file, header.count)
+        raise too_short(file, header.count)
     # A text has more digits than the type that its header names, but colors are the bits of theirs.
     return {
         name: _cast(rows[:, place], header.record[name]) if name in COLORS else rows[:, place]
@@ -136,14 +137,14 @@ def _binary_fields(file: Path, header: PcdHeader) -> dict[str, npt.NDArray[Any]]
     names = [name for name in header.record.names or () if not header.record[name].shape]
     if header.kind == "binary":
         if size < expected:
-            raise _short(file, header.count)
+            raise too_short(file, header.count)
         rows = np.fromfile(file, header.record, header.count, offset=header.end)
         return {name: rows[name] for name in names}
     with file.open("rb") as stream:
         stream.seek(header.end)
         sizes = np.frombuffer(stream.read(8).ljust(8, b"\0"), "<u4")
         if size < 8 + int(sizes[0]) or int(sizes[1]) != expected:
-            raise _short(file, header.count)
+            raise too_short(file, header.count)
         content = unpack(stream.read(int(sizes[0])), expected)
     if content is None:
         raise InputError(f"{file}: what is packed in it is damaged; copy or export it again")
@@ -154,7 +155,3 @@ def _binary_fields(file: Path, header: PcdHeader) -> dict[str, npt.NDArray[Any]]
             fields[name] = np.frombuffer(content, kind, header.count, place)
         place += kind.itemsize * header.count
     return fields
-
-
-def _short(file: Path, count: int) -> InputError:
-    return InputError(f"{file}: is too short for the {count:,} points that it names; it was cut off, copy it again")

@@ -15,7 +15,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.coordinates import as_near, as_points
 from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.samples.domain import evaluate
+from o3dleaf.samples.domain import evaluate, inside_by_distance
 from o3dleaf.samples.leaves.margin import LiftedMargin, rings_of
 from o3dleaf.samples.leaves.plane_mesh import integrate, triangulate
 from o3dleaf.samples.leaves.sweep import Sweep
@@ -210,6 +210,4 @@ class LeafShape:
         return x
 
     def _inside(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        away = points - self.closest(points)[0]
-        distance = np.linalg.norm(away, axis=1)
-        return self.half_thickness - distance, -away / np.where(distance > 0, distance, 1.0)[:, np.newaxis]
+        return inside_by_distance(points, self.closest(points)[0], self.half_thickness)

@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.errors import MemoryBudgetError
-from o3dleaf.core.lattice import MAX_SIZE, Lattice, sample_lattice
+from o3dleaf.core.lattice import Lattice, require_countable, sample_lattice
 from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import require_resources
@@ -50,12 +49,7 @@ class BoxedLattice:
         first, last = np.floor(box[0] / step + share[0]), np.ceil(box[1] / step - share[1])
         last = np.maximum(last, first + 1.0)
         count = last - first + 1.0
-        with np.errstate(over="ignore"):
-            size = float(np.prod(count))
-        if size > MAX_SIZE:
-            raise MemoryBudgetError(
-                f"spacing: {size:.2g} lattice points are too many; coarsen the spacing or crop the box"
-            )
+        size = require_countable(count)
         what, cure = f"spacing: {size:,.0f} lattice points", "crop the box or coarsen it"
         require_resources(measured.LATTICE_POINT * size, what, cure, step=float(step.max()), power=3)
         shape = tuple(int(n) for n in count)
