@@ -23,7 +23,7 @@ import o3dleaf as o3l
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
 
 EVALUATIONS = 1_900_000
-MOST_GLOBAL = 7000
+MAX_GLOBAL = 7000
 """Points that SciPy's global system is asked to hold: 0.4 GB a matrix."""
 FERREUS = importlib.util.find_spec("ferreus_rbf") is not None
 
@@ -101,7 +101,7 @@ def compare(case, patient):
     smooth, smooth_seconds, smooth_peak = measure(lambda: ours(case, smoothing="gcv"))
     scale, queries = case.name, f"{len(case.queries):,} points"
     rows = [Row("fit, smoothing by gcv", scale, smooth_seconds, rms_error=case.error(smooth), peak_mb=smooth_peak)]
-    if len(case.points) <= MOST_GLOBAL:
+    if len(case.points) <= MAX_GLOBAL:
         rows += peer_rows(case, "SciPy, global", lambda: scipy_fit(case, None), fit, call, 20_000)
     else:
         rows.append(Row("fit", scale, **fit, peer=f"SciPy, global: not run, {len(case.points) ** 2 * 8 / 1e9:.0f} GB"))

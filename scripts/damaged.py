@@ -23,7 +23,7 @@ import numpy as np
 Edit = tuple[int, int, int]
 Arrays = list[np.ndarray[Any, Any]]
 
-MOST_EDITS = 4
+MAX_EDITS = 4
 HEAD = 400
 """Bytes, as a rule the header, in which every other edit falls."""
 WORDS = (

@@ -31,14 +31,14 @@ ROOT = Path(__file__).resolve().parents[1]
 for folder in (ROOT, ROOT / "scripts"):
     sys.path.insert(0, str(folder))
 
-from damaged import MOST_EDITS, READERS  # noqa: E402
+from damaged import MAX_EDITS, READERS  # noqa: E402
 
 SECONDS = 10
 SPARE, TIMES = 64 << 20, 100
 """Bytes of memory that a file may take, and that each byte of it may."""
 CEILING = 2 << 30
 """Bytes above what the process has before the first case, where an allocation fails, so that this machine lives."""
-MOST_DEATHS = 40
+MAX_DEATHS = 40
 """Of a reader; each new process takes seconds."""
 PERTURB = -6
 """M_PERTURB of glibc's mallopt: what fresh memory is filled with."""
@@ -48,7 +48,7 @@ def edits_of(number, count):
     """Return which file of `count`, which other one, and which edits, a case has."""
     rng = np.random.default_rng(number)
     first, other = (int(each) for each in rng.integers(count, size=2))
-    rows = rng.integers(1 << 32, size=(rng.integers(1, MOST_EDITS + 1), 3))
+    rows = rng.integers(1 << 32, size=(rng.integers(1, MAX_EDITS + 1), 3))
     return first, other, [tuple(int(each) for each in row) for row in rows]
 
 
@@ -160,7 +160,7 @@ def fuzz(name, size, seed, home, keep):
     """Run one reader in child processes, until `size` bytes, and return what was counted."""
     counts, found, done, cases = collections.Counter(), {}, 0, 0
     number, began, deaths = seed << 32, time.monotonic(), 0
-    while done < size and deaths < MOST_DEATHS:
+    while done < size and deaths < MAX_DEATHS:
         command = [sys.executable, __file__, "--work", name, home, str(number), str(size - done)]
         with subprocess.Popen(command, stdout=subprocess.PIPE) as child:
             open_case = None

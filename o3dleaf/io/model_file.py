@@ -48,7 +48,7 @@ HEAD = 1 << 16
 """Bytes of the head of such a file, or a multiple of them."""
 KINDS = "biuf"
 """Kinds of numbers that arrays may hold: no objects."""
-MOST_AXES = 8
+MAX_AXES = 8
 
 
 def write_model(model: object, path: str | PathLike[str]) -> None:
@@ -211,7 +211,7 @@ def read_model(
 def _array(data: np.ndarray[Any, Any], block: Mapping[str, Any], version_of_file: int) -> np.ndarray[Any, Any]:
     """Return an array of a file, or raise `ValueError` where it is not what its place says."""
     dtype, shape, offset = np.dtype(block["dtype"]), tuple(block["shape"]), block["offset"]
-    if dtype.kind not in KINDS or len(shape) > MOST_AXES or any(not isinstance(n, int) or n < 0 for n in shape):
+    if dtype.kind not in KINDS or len(shape) > MAX_AXES or any(not isinstance(n, int) or n < 0 for n in shape):
         raise ValueError(f"an array of {dtype} {shape}")
     size = dtype.itemsize * math.prod(shape)
     if not 0 <= offset <= offset + size <= len(data):

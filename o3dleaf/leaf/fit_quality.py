@@ -22,7 +22,7 @@ from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
 
 FAR = 3.0
 """Noise deviations beyond which a point is not held: of normal errors one in 370 lies there."""
-LEAST_FAR = 0.3
+MIN_FAR = 0.3
 """Spacings within which a point is held whatever the noise: half of what a mesh of a scan is asked to be right to."""
 MAX_FAR = 0.01
 """Share of points not held above which it is told: four times what normal errors leave there."""
@@ -61,7 +61,7 @@ class FitQuality:
         Whether a point off the blade or beside it is of the petiole that was cut off.
     noise, spacing, limit : float
         Standard deviation of the points about the blade, from what neighbors differ by; 1/√(points per area), the
-        median over the blade; and `FAR` noise deviations, at least `LEAST_FAR` spacings; in `unit`.
+        median over the blade; and `FAR` noise deviations, at least `MIN_FAR` spacings; in `unit`.
     shared : float
         Root mean square of what neighbors are off the blade alike (`shared_residual`), of points neither far nor
         outside; in `unit`.
@@ -128,7 +128,7 @@ class FitQuality:
         plane, distance, feet = find_feet(blade, points, world, SLACK * step)
         spacing = measure_spacing(feet, world, distortion.area * blade.outline.area / len(places))
         noise = local_noise(feet, distance)
-        limit = max(FAR * noise, LEAST_FAR * spacing)
+        limit = max(FAR * noise, MIN_FAR * spacing)
         is_outside = find_outside(blade, plane, max(OUTSIDE * spacing, FAR * noise))
         is_far = (np.abs(distance) > limit) & ~is_outside
         is_cut = _cut_off(blade, points) & (is_far | is_outside)
@@ -181,7 +181,7 @@ class FitQuality:
                 f"{_percent(self.far)} of the points lie more than {self._length(self.limit)} off the blade, "
                 f"{tell_places(self.far_places)}"
             )
-        if self.shared > LEAST_FAR * self.spacing:
+        if self.shared > MIN_FAR * self.spacing:
             lines.append(
                 f"neighbors lie off the blade alike, by {self._length(self.shared)} (root mean square): waves that are "
                 "too short for the blade to follow, whose area it lacks, or noise that points have in common"

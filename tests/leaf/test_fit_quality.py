@@ -8,7 +8,7 @@ import shapely
 from scipy.spatial.transform import Rotation
 
 from blade_fields import KnownHole, KnownOutline, RolledBlade
-from o3dleaf.leaf.fit_quality import FAR, LEAST_FAR, MAX_OUTSIDE, FitQuality
+from o3dleaf.leaf.fit_quality import FAR, MAX_OUTSIDE, MIN_FAR, FitQuality
 from o3dleaf.leaf.pipeline import create_blade
 from tolerances import (
     ERRORS_OF_AREAS,
@@ -64,7 +64,7 @@ def test_passes_that_disagree_are_no_noise(share, apart):
     other = np.random.default_rng(1).random(len(points)) < share
     quality = FitQuality.of(BLADE, raised(BLADE, points, places, other, apart))
     assert quality.noise < 2.5 * 0.1 * SPACING
-    assert quality.limit == FAR * quality.noise > LEAST_FAR * quality.spacing
+    assert quality.limit == FAR * quality.noise > MIN_FAR * quality.spacing
     assert quality.far == pytest.approx(other.mean(), rel=SHARE_OF_A_SAMPLE)
     assert "scattered" in quality.warnings[0] or str(quality.far_places[0]) in quality.warnings[0]
 
@@ -76,7 +76,7 @@ def test_waves_that_a_blade_does_not_follow_are_told_though_no_point_is_far(nois
     quality = FitQuality.of(BLADE, raised(BLADE, points, places, waves, 1.0))
     assert quality.shared == pytest.approx(0.8 * SPACING / np.sqrt(2), rel=SHARED_OF_WAVES)
     assert any("alike" in line for line in quality.warnings)
-    assert FitQuality.of(BLADE, points).shared < LEAST_FAR * SPACING / 2
+    assert FitQuality.of(BLADE, points).shared < MIN_FAR * SPACING / 2
 
 
 def test_points_beside_the_blade_are_told_and_not_its_residuals():

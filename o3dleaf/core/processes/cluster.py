@@ -20,7 +20,7 @@ from o3dleaf.core.parallel import get_num_threads
 T = TypeVar("T")
 R = TypeVar("R")
 
-AHEAD, LEAST_AHEAD = 3, 16
+AHEAD, MIN_AHEAD = 3, 16
 """Tasks on their way at once for each thread of the workers, and the least of all, as workers may yet come."""
 EXTRA = "cluster"
 SECONDS = "20s"
@@ -53,7 +53,7 @@ class Cluster:
                 places[futures[-1].key] = number
             return futures
 
-        ahead = max(LEAST_AHEAD, AHEAD * sum(self._client.nthreads().values()))
+        ahead = max(MIN_AHEAD, AHEAD * sum(self._client.nthreads().values()))
         ready = distributed.as_completed(submitted(ahead), loop=self._client.loop)
         for future in ready:
             lost = future.exception()

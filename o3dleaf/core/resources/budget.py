@@ -79,7 +79,7 @@ def memory_limit(size: str | int | None) -> Iterator[None]:
 def _hold_allocator() -> None:
     """Hold the allocator, which the whole process shares, to its part of what is stated."""
     stated = get_memory_limit()
-    machine.keep_freed(machine.MOST_KEPT if stated is None else KEPT * stated)
+    machine.keep_freed(machine.MAX_KEPT if stated is None else KEPT * stated)
 
 
 def usable_memory() -> Limit | None:

@@ -29,7 +29,7 @@ ARENAS = 2
 """Allocators that threads share where addresses are limited."""
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
 """Of glibc's malloc.h."""
-LEAST_KEPT, MOST_KEPT = 128 << 10, 32 << 20
+MIN_KEPT, MAX_KEPT = 128 << 10, 32 << 20
 """Bytes that its allocator keeps of what was freed: to begin with, and what it comes to by itself, about."""
 
 
@@ -92,7 +92,7 @@ def keep_freed(size: float) -> None:
         return
     with suppress(OSError, AttributeError):
         for kind in (M_TRIM_THRESHOLD, M_MMAP_THRESHOLD):
-            ctypes.CDLL(None).mallopt(kind, int(min(max(size, LEAST_KEPT), MOST_KEPT)))
+            ctypes.CDLL(None).mallopt(kind, int(min(max(size, MIN_KEPT), MAX_KEPT)))
 
 
 def hard_limits(threads: int) -> Iterator[Limit]:

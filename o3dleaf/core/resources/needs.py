@@ -22,7 +22,7 @@ SAFETY = 1.3
 """Times as much as was measured: other data, other libraries."""
 SMALL = 50_000_000
 """Bytes that are never refused, and asked after: whatever runs at all has them."""
-MOST, MOST_DIGITS = 1e30, 1e12
+MOST, MAX_DIGITS = 1e30, 1e12
 """Bytes and seconds beyond which all are alike, and numbers that are not written out."""
 
 
@@ -106,7 +106,7 @@ def need_of(cost: float | Cost, what: str, cure: str, *, step: float | None = No
 
 def in_words(count: float) -> str:
     """Return a number of things as a message has it: 1,200,000, or 1e+36."""
-    return f"{count:,.0f}" if count < MOST_DIGITS else f"{count:.2g}"
+    return f"{count:,.0f}" if count < MAX_DIGITS else f"{count:.2g}"
 
 
 def _rounded_up(step: float) -> float:

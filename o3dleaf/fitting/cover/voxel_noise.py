@@ -26,9 +26,9 @@ BLOCK = 40
 """Edge, in voxels, of the blocks that are looked at."""
 BLOCKS = 2
 """Blocks along each axis, at even distances."""
-LEAST_VOXELS = 4_000
+MIN_VOXELS = 4_000
 """On either side: a correlation is known to two hundredths then."""
-LEAST_NOISE = 0.04
+MIN_NOISE = 0.04
 """Of the step between the sides: less moves the surface by a tenth of its blur at most, and structure that is finer
 than what tells the sides apart may be as much."""
 CORRELATED = 0.2
@@ -65,16 +65,16 @@ class VoxelNoise:
                     totals[side] += pure.sum(), data[pure].sum()
                     sums[side] += _correlated(np.where(pure, data - data[pure].mean(), 0.0))
                     pairs[side] += _correlated(pure.astype(np.float64))
-        if totals[:, 0].min() < LEAST_VOXELS:
+        if totals[:, 0].min() < MIN_VOXELS:
             return None
         low, high = totals[:, 1] / totals[:, 0]
         middle, unit = np.full(len(shape), REACH), np.eye(len(shape), dtype=np.int64)
         # Of displacements that few pairs have nothing is known.
-        known = np.where(pairs > LEAST_VOXELS, sums / np.maximum(pairs, 1.0), 0.0)
+        known = np.where(pairs > MIN_VOXELS, sums / np.maximum(pairs, 1.0), 0.0)
         covariances = min(known, key=lambda each: float(each[tuple(middle)]))
         covariances = (covariances + np.flip(covariances)) / 2
         variance = covariances[tuple(middle)]
-        if variance <= (LEAST_NOISE * (high - low)) ** 2:
+        if variance <= (MIN_NOISE * (high - low)) ** 2:
             return None
         near, far = (np.mean([covariances[tuple(middle + step * axis)] for axis in unit]) for step in (1, 3))
         return cls(covariances) if near - far > CORRELATED * variance else None

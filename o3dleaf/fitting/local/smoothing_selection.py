@@ -24,7 +24,7 @@ T = TypeVar("T")
 GCV_BALLS = 32
 """Balls whose pooled score chooses the smoothing; an eigen-decomposition costs ten factorizations."""
 
-SHARED_POINTS, LEAST_BALLS = 2400, 8
+SHARED_POINTS, MIN_BALLS = 2400, 8
 """Where groups of points are left out together the sample has as many balls as contain so many points, and 8 at least:
 an eigen-decomposition takes the cube of a ball's points. Over 18 clouds of surfaces the value is a factor of 1.4 from
 that of 256 balls (median), once, on a flat curve, 66; a decade matters."""
@@ -99,7 +99,7 @@ class SharedErrors:
         That is a tenth to a hundred times of it. A pooled fit that nearly goes through the data has found no noise,
         and nothing to choose: there all take its value.
         """
-        sample = even_rows(len(self.cover.radii), max(LEAST_BALLS, round(SHARED_POINTS / np.median(self.cover.counts))))
+        sample = even_rows(len(self.cover.radii), max(MIN_BALLS, round(SHARED_POINTS / np.median(self.cover.counts))))
         decomposed = each_ball(lambda ball: fit_loops.decompose_ball(*self._system(ball), *self._sharing), sample)
         few = slice(None, None, max(1, len(sample) // 4))
         found = zip(sample[few], decomposed[few], strict=True)

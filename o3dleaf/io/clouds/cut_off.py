@@ -5,7 +5,7 @@ from pathlib import Path
 
 from o3dleaf.core.errors import InputError
 
-MOST_DIGITS = 15
+MAX_DIGITS = 15
 """Of a number of points."""
 
 
@@ -23,7 +23,7 @@ def require_whole_cloud(file: Path) -> None:
 def _check_pts(file: Path) -> None:
     with file.open("rb") as stream:
         first = stream.readline().split()
-    if len(first) != 1 or not first[0].isdigit() or len(first[0]) > MOST_DIGITS:
+    if len(first) != 1 or not first[0].isdigit() or len(first[0]) > MAX_DIGITS:
         raise InputError(f"{file}: its first line is no number of points; give PTS, or name the file .xyz")
     _require_lines(file, len(first[0]), int(first[0]))
 

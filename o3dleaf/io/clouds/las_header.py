@@ -16,7 +16,7 @@ PACKED = 0x80
 """Bit of the point format of LAZ files."""
 RECORD, LONG_RECORD = 54, 60
 """Bytes before the content of a variable record: its length stands at 20, of eight bytes in an extended one."""
-MOST_RATIO = 2000
+MAX_RATIO = 2000
 """No scanner's points pack tighter; equal ones might."""
 LASZIP = (b"laszip encoded", 22204)
 EXTRA = (b"LASF_Spec", 4)
@@ -64,7 +64,7 @@ def _fault(stream: IO[bytes], size: int) -> str | None:
     packed = bool(kind & PACKED)
     if content is None:
         return f"{records} variable records before byte {start}"
-    if not point_size or count * point_size > (MOST_RATIO if packed else 1) * (size - start):
+    if not point_size or count * point_size > (MAX_RATIO if packed else 1) * (size - start):
         return f"{count} points of {point_size} bytes each in {size} bytes"
     fault = _packed_fault(stream, content, (start, size), (count, point_size)) if packed else None
     return fault or _extra_fault(content)

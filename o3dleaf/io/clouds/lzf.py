@@ -1,6 +1,6 @@
 """LZF, the compression of PCD files (M. Lehmann, LibLZF): what is packed, or that it is damaged."""
 
-MOST_RATIO = 132
+MAX_RATIO = 132
 """Three bytes stand for at most 264."""
 LITERAL = 32
 """Control bytes below it say how many bytes follow as they are, less one."""
@@ -13,7 +13,7 @@ def unpack(packed: bytes, size: int) -> bytes | None:
 
     Nothing is allocated before `size` is known to be possible.
     """
-    if size > MOST_RATIO * len(packed):
+    if size > MAX_RATIO * len(packed):
         return None
     out, place = bytearray(), 0
     try:

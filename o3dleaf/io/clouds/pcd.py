@@ -18,7 +18,7 @@ HEADER = 1 << 14
 """Bytes in which the header must end."""
 TYPES = {"F": "f", "I": "i", "U": "u"}
 SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
-MOST_COUNT = 1 << 16
+MAX_COUNT = 1 << 16
 """Numbers of a field; descriptors of points have hundreds."""
 KINDS = ("ascii", "binary", "binary_compressed")
 AXES = ("x", "y", "z")
@@ -95,7 +95,7 @@ def _numbers(words: list[str]) -> list[int]:
 
 def _field(name: str, kind: str, size: int, count: int) -> tuple[Any, ...]:
     """Return a field of NumPy's record; only such of one number are looked at."""
-    if kind not in TYPES or size not in SIZES[kind] or not 1 <= count <= MOST_COUNT:
+    if kind not in TYPES or size not in SIZES[kind] or not 1 <= count <= MAX_COUNT:
         raise ValueError(f"field {name} of type {kind}, size {size}, count {count}")
     return (name, f"<{TYPES[kind]}{size}") if count == 1 else (name, f"<{TYPES[kind]}{size}", (count,))
 

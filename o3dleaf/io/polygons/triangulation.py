@@ -8,7 +8,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
 
-MOST_EARS = 1000
+MAX_EARS = 1000
 """Corners of a face that ears are looked for at, whose work grows with their square; larger ones are fans."""
 
 
@@ -67,7 +67,7 @@ def _not_convex(vertices: FloatArray, triangles: IntArray, faces: IntArray, coun
         wholes = np.stack([np.bincount(faces, axis, len(counts)) for axis in normals.T], axis=1)
         turned = np.einsum("ij,ij->i", normals, wholes[faces]) < 0
     found: IntArray = np.unique(faces[turned])
-    return np.asarray(found[counts[found] <= MOST_EARS])
+    return np.asarray(found[counts[found] <= MAX_EARS])
 
 
 def _ears(vertices: FloatArray, ring: IntArray) -> IntArray:

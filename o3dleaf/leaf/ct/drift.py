@@ -14,9 +14,9 @@ from o3dleaf.leaf.ct.volume import Volume
 
 ROUNDS = 3
 """Voxels are told apart by what is known of the drift, which is then found anew: the first round knows none."""
-LEAST_VOXELS = 100
+MIN_VOXELS = 100
 """Of a kind, in a slice that tells its mean: to a tenth of the noise."""
-LEAST_SLICES = 5
+MIN_SLICES = 5
 """That a smoothing spline takes; of fewer the mean is all that is known."""
 
 
@@ -117,8 +117,8 @@ def _slices(volume: Volume, levels: FloatArray) -> tuple[npt.NDArray[np.int_], F
 
 def _smooth(counts: npt.NDArray[np.int_], sums: FloatArray, otherwise: float) -> FloatArray:
     """Return a smooth curve through the means of the slices, constant beyond the first and the last that tells one."""
-    told = np.flatnonzero(counts >= LEAST_VOXELS)
-    if len(told) < LEAST_SLICES:
+    told = np.flatnonzero(counts >= MIN_VOXELS)
+    if len(told) < MIN_SLICES:
         return np.full(len(counts), _mean(counts, sums, otherwise))
     weights = counts[told] / counts[told].mean()
     spline = make_smoothing_spline(told, sums[told] / counts[told], w=weights)
@@ -128,5 +128,5 @@ def _smooth(counts: npt.NDArray[np.int_], sums: FloatArray, otherwise: float) ->
 
 def _mean(counts: npt.NDArray[np.int_], sums: FloatArray, otherwise: float) -> float:
     """Return the mean of all slices that tell one."""
-    told = counts >= LEAST_VOXELS
+    told = counts >= MIN_VOXELS
     return float(sums[told].sum() / counts[told].sum()) if told.any() else otherwise

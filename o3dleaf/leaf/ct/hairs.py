@@ -15,14 +15,14 @@ BLUR = 0.5
 """Voxels: a third of the noise goes, and a hair two voxels wide stays."""
 OUT = 3.0
 """Typical deviations of a face from its plane; crests of ridges reach two."""
-LEAST_RELIEF = 0.7
+MIN_RELIEF = 0.7
 """Voxels: of a flat face noise is the relief."""
 SPECK = 8
 """Voxels: smaller pieces are noise, and no hairs."""
-LEAST_COLUMNS = 2
+MIN_COLUMNS = 2
 """That a hair covers. Of 24 hairs of `samples.wheat_ct` at noise 0 to 0.05, cut so that most of each was left, 22 to 24
 are found, of halves 20 to 22, of tips 15 to 17; in 40 volumes in which none is cut, one is found, at noise 0.05."""
-LEAST_SHARE = 0.5
+MIN_SHARE = 0.5
 """A crop that leaves less of the patch is none to propose."""
 
 Rectangle = npt.NDArray[np.int_]
@@ -70,7 +70,7 @@ def find_cut_hairs(volume: Volume, level: float) -> CutHairs:
     boxes = [
         np.array([[each.start, each.stop - 1] for each in place]).T
         for place, size in zip(find_objects(hairs), sizes, strict=True)
-        if size >= LEAST_COLUMNS
+        if size >= MIN_COLUMNS
     ]
     whole = np.array([[0, 0], np.array(hairs.shape) - 1])
     cut = [box for box in boxes if _crosses(box, whole)]
@@ -101,7 +101,7 @@ def _hair_columns(values: FloatArray) -> npt.NDArray[np.bool_]:
         slopes, height = fit_plane(u, v, face)
         out = face - (u[:, np.newaxis] * slopes[0] + v * slopes[1] + height)
         off = out - np.nanmedian(out)
-        found |= np.nan_to_num(off) > OUT * max(float(np.nanmedian(abs(off))), LEAST_RELIEF)
+        found |= np.nan_to_num(off) > OUT * max(float(np.nanmedian(abs(off))), MIN_RELIEF)
     return found
 
 
@@ -133,7 +133,7 @@ def _avoid(whole: Rectangle, hairs: list[Rectangle]) -> Rectangle | None:
                 moved[end, axis] = beyond
                 tried.append(moved)
         box = max(tried, key=_area)
-    return box if _area(box) >= LEAST_SHARE * _area(whole) else None
+    return box if _area(box) >= MIN_SHARE * _area(whole) else None
 
 
 def _area(box: Rectangle) -> int:

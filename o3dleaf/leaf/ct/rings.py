@@ -22,7 +22,7 @@ from o3dleaf.leaf.ct.pure import classes_of, pure_voxels, slabs_of
 from o3dleaf.leaf.ct.threshold import MAX_VOXELS
 from o3dleaf.leaf.ct.volume import PlacedVoxels, Volume
 
-LEAST_VOXELS = 1e-6
+MIN_VOXELS = 1e-6
 """Added to the number of voxels on every circle, so that the system has a solution where there are none."""
 FARTHEST = 1e6
 """Voxels to the axis; beyond, circles are straight lines."""
@@ -188,5 +188,5 @@ class _Circles:
         beside = sums(share * (1 - share), inner + 1)
         right = sums((1 - share) * values, inner) + sums(share * values, inner + 1)
         # A circle without voxels is at 0.
-        means = solveh_banded(np.stack([beside, diagonal + LEAST_VOXELS]), right)
+        means = solveh_banded(np.stack([beside, diagonal + MIN_VOXELS]), right)
         return means, diagonal

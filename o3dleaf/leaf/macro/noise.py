@@ -7,7 +7,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.trees import query
 
 NEIGHBORS = 12
-LEAST_NOISE = 0.01
+MIN_NOISE = 0.01
 """Noise in spacings that is taken for granted. A scan that is flat for the most part and without noise has none about
 its planes, and where it bends every point would be an outlier."""
 MAD = 1.4826

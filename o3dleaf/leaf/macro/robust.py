@@ -26,7 +26,7 @@ from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
 from o3dleaf.fitting.rbf.tail import IntArray
-from o3dleaf.leaf.macro.noise import LEAST_NOISE, density_of, height_noise, plane_noise
+from o3dleaf.leaf.macro.noise import MIN_NOISE, density_of, height_noise, plane_noise
 
 HUBER = 1.345
 """Huber's constant: 95 % of the efficiency of least squares where the errors are normal (Huber 1964)."""
@@ -53,7 +53,7 @@ class RobustChoice:
     bandwidth : float
         Its low-pass bandwidth, in the points' unit.
     noise : float
-        Standard deviation of the scan about its local planes, or `LEAST_NOISE`.
+        Standard deviation of the scan about its local planes, or `MIN_NOISE`.
     weights : (n,) ndarray
         Huber's, of each point: 1 within 1.345 noise of the surface, less beyond.
     """
@@ -125,7 +125,7 @@ class Trials(NamedTuple):
     Attributes
     ----------
     noise : float
-        Standard deviation of the points about their local planes, or `LEAST_NOISE`.
+        Standard deviation of the points about their local planes, or `MIN_NOISE`.
     stretches : (n,) ndarray of int64
         The stretch of the leaf that each point was held out with.
     bandwidths, smoothings : (t,) ndarrays
@@ -184,7 +184,7 @@ def try_smoothings(
     """
     plane, heights = np.ascontiguousarray(leaf_points[:, :2]), np.ascontiguousarray(leaf_points[:, 2])
     measured = plane_noise(leaf_points) if space is None else height_noise(leaf_points)
-    noise = max(measured, LEAST_NOISE / np.sqrt(density_of(plane)))
+    noise = max(measured, MIN_NOISE / np.sqrt(density_of(plane)))
     problem = RobustHeight(cover, plane, heights, kernel, HUBER * noise, space, normals)
     if half_width is None:
         half_width = float(np.quantile(np.abs(plane[:, 1] - np.median(plane[:, 1])), 0.95))

@@ -22,10 +22,10 @@ from o3dleaf.leaf.texture.hairs.zones import HairZones
 from o3dleaf.leaf.texture.quilt import Quilt
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
-MOST_EXPONENT = 64
+MAX_EXPONENT = 64
 """Of a monomial of a tail."""
 
-EXPONENTS = whole("q", "d", most=MOST_EXPONENT)
+EXPONENTS = whole("q", "d", most=MAX_EXPONENT)
 SPLINES = {"exponents": EXPONENTS, "ranks": whole("k"), "dropped": whole("k"), "sites": floats("s")}
 
 ARRAYS: dict[type, dict[str, Array]] = {

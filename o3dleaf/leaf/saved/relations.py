@@ -26,7 +26,7 @@ from o3dleaf.leaf.texture.quilt import Quilt
 from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
-MOST_POWER = 99
+MAX_POWER = 99
 """Of a polyharmonic kernel; r^99 of single numbers overflows soon after."""
 
 Local = LocalSplines | LocalColumns | LocalPolynomials | LocalPotentials | LocalCreasedSplines | VectorSplines
@@ -56,7 +56,7 @@ def _check_potentials(potentials: LocalPotentials) -> None:
 
 
 def _check_kernel(kernel: object, dimension: int) -> None:
-    if not isinstance(kernel, Polyharmonic) or kernel.dimension != dimension or not 1 <= kernel.power <= MOST_POWER:
+    if not isinstance(kernel, Polyharmonic) or kernel.dimension != dimension or not 1 <= kernel.power <= MAX_POWER:
         raise InputError(f"kernel: is {kernel!r}, in {dimension}-D")
 
 

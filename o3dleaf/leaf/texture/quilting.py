@@ -24,9 +24,9 @@ from o3dleaf.leaf.texture.spots import Spot, SpotSearch, sums_under
 
 FINENESS = 3.0
 """Nodes in the reach of a cross-fade: weights reach two of them, the better half of it, and cuts find their way."""
-LEAST_NODES = 24
+MIN_NODES = 24
 """Nodes in a tile at least, of which strips about its borders take three on either side."""
-MOST_NODES = 1 << 18
+MAX_NODES = 1 << 18
 """Nodes in a patch, some hundred megabytes with their spectra: 512 along either side, 170 and more in a tile."""
 SHARE = 1 / 8
 """Of a tile, that the strip of a border reaches into it: wide enough for a cut, and all that tiles have in common."""
@@ -224,13 +224,13 @@ def make_quilt(fields: Sequence[PUInterpolant], tile: FloatArray | None, seed: i
     """
     first = SampledPatch.of(fields[0])
     extent = np.min([each.bounds[1, :2] - each.bounds[0, :2] for each in fields], axis=0)
-    step = np.minimum(reach_of_fade(fields[0]) / FINENESS, extent * SIZES[0] / LEAST_NODES)
+    step = np.minimum(reach_of_fade(fields[0]) / FINENESS, extent * SIZES[0] / MIN_NODES)
     # Of a patch of many balls the nodes are coarser.
     area = max(float(np.prod(each.bounds[1, :2] - each.bounds[0, :2])) for each in fields)
-    step = np.maximum(step, np.sqrt(area / MOST_NODES))
+    step = np.maximum(step, np.sqrt(area / MAX_NODES))
     if tile is not None:
-        step = np.minimum(step, tile / LEAST_NODES)
-        if area / float(step[0]) / float(step[1]) > 2 * MOST_NODES:
+        step = np.minimum(step, tile / MIN_NODES)
+        if area / float(step[0]) / float(step[1]) > 2 * MAX_NODES:
             raise InputError(
                 f"tile: {tile.tolist()} is too small a part of the patch, {extent.tolist()}; give a larger one"
             )
@@ -270,5 +270,5 @@ def _best_size(patch: FloatArray, axis: int) -> int:
     """Return the nodes of a tile along an axis: the distance, within `SIZES`, at which a patch differs least for it."""
     values = patch.swapaxes(0, axis)
     least, most = (int(share * (len(values) - 1)) for share in SIZES)
-    apart = range(max(least, LEAST_NODES), max(most, LEAST_NODES) + 1)
+    apart = range(max(least, MIN_NODES), max(most, MIN_NODES) + 1)
     return min(apart, key=lambda count: float(((values[count:] - values[:-count]) ** 2).mean()) / count)

@@ -18,7 +18,7 @@ REBOUND = 0.75
 """Diameters of air above the droplet at the start, at least."""
 BELOW = 2.0
 """Cells between the lowest point of the face and the bottom of the box."""
-MOST_CELLS = 4e6
+MAX_CELLS = 4e6
 """More is a typing error in a size, or takes weeks."""
 
 
@@ -68,7 +68,7 @@ class DropletBox:
         bottom = float(np.floor(vertices[inside, 2].min() / cell - BELOW)) * cell
         high = max(ROOM * impact.diameter, start + radius + REBOUND * impact.diameter - bottom)
         up = int(np.ceil(high / cell - 1e-9))
-        if across**2 * up > MOST_CELLS:
+        if across**2 * up > MAX_CELLS:
             raise InputError(f"cell: {cell * 1e3:g} mm makes {across**2 * up:,} cells; give a larger one")
         return cls(cell, half, bottom, (across, across, up), start)
 

@@ -30,7 +30,7 @@ WATER = np.array([0.05, 0.22, 0.62])
 LOOK = View(direction=(0.35, -1.0, 0.42), tilt=0.0, supersampling=2)
 """From the side of the leaf, a little from above: ridges run away to the right."""
 STILLS = 6
-MOST_FRAMES = 61
+MAX_FRAMES = 61
 MILLISECONDS = 90
 """Of a frame of the animation."""
 TITLES = {"leaf": "leaf", "twin": "smooth twin", "bare": "leaf without hairs"}
@@ -137,10 +137,10 @@ def write_animation(stages: Sequence[DropletStage], times: Sequence[float], path
 
 
 def common_times(readings: Mapping[str, DropletReadings]) -> list[float]:
-    """Return the times that all have reached, at most `MOST_FRAMES` of them."""
+    """Return the times that all have reached, at most `MAX_FRAMES` of them."""
     times = [course.column("t") for course in readings.values()]
     shortest = min(times, key=lambda each: each[-1])
-    every = -(-len(shortest) // MOST_FRAMES)
+    every = -(-len(shortest) // MAX_FRAMES)
     return [float(time) for time in shortest[every - 1 :: every]]
 
 

@@ -35,8 +35,8 @@ HIDDEN = 40.0
 """Length over which a margin is hidden, in millimeters; a third of the leaf at most."""
 DEPTH = 0.4
 """What is hidden of that half of the leaf, as a share of its width."""
-MOST_PASSES = 1000
-Passes = Annotated[int, Allowed(lambda value: is_whole(value) and 1 <= value <= MOST_PASSES, "1 to 1000 passes")]
+MAX_PASSES = 1000
+Passes = Annotated[int, Allowed(lambda value: is_whole(value) and 1 <= value <= MAX_PASSES, "1 to 1000 passes")]
 JITTER = 0.1
 """Of the places of rows and grids, in spacings."""
 

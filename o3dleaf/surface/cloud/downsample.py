@@ -15,7 +15,7 @@ PER_NOISE = 1.8
 corners off, narrower ones leave the fit with more points than it needs."""
 TAIL = 0.1
 """Share of its neighbors' weight up to which a mean is one of a tail: of a normal distribution, beyond 2.1 σ."""
-LEAST_GROWTH = 1.02
+MIN_GROWTH = 1.02
 """Of voxels from one size to the next that is tried: four percent fewer points."""
 
 
@@ -115,7 +115,7 @@ def thin(cloud: CloudLike, most: int) -> OrientedCloud:
     points = whole.points
     size = float(np.ptp(points, axis=0).max()) / most or 1.0
     while len((cells := Cells.sort(points, size)).first) > most:
-        size *= max(np.sqrt(len(cells.first) / most), LEAST_GROWTH)
+        size *= max(np.sqrt(len(cells.first) / most), MIN_GROWTH)
     count, length = len(cells.first), cells.last - cells.first
     rank = np.empty(count, np.int64)
     rank[np.argsort(cells.order[cells.first])] = np.arange(count)

@@ -16,7 +16,7 @@ theirs = pytest.importorskip(
     exc_type=ImportError,
 )
 
-LEAST_WEIGHT = 1e-12
+MIN_WEIGHT = 1e-12
 """SciPy takes one smoothing a point; ours is one number over weights, which are above 0."""
 
 THEIR_WORDS = "is about the words of SciPy's error; ours are in test_scipy_parity.py"
@@ -53,8 +53,8 @@ def adapt(fit, y, d, **options):
     if smoothing.ndim:
         share = smoothing / smoothing.max()
         options |= {
-            "smoothing": smoothing.max() * LEAST_WEIGHT,
-            "weights": LEAST_WEIGHT / np.maximum(share, LEAST_WEIGHT),
+            "smoothing": smoothing.max() * MIN_WEIGHT,
+            "weights": MIN_WEIGHT / np.maximum(share, MIN_WEIGHT),
         }
     return fit(y, d, **options)
 

@@ -15,7 +15,7 @@ NEIGHBORS = 16
 """Points that each is joined to: rows of a scanner four times as far apart as their points still hang together."""
 CELL = 6
 """Neighbor whose distance tells the area of a point's cell: π r²/6 has the right mean, whatever the pattern."""
-MOST_ENDS = 6
+MAX_ENDS = 6
 """Ends of a cloud that are looked at, the farthest first."""
 
 
@@ -65,7 +65,7 @@ class PointWays:
         """
         away = self.from_point(point)
         shared = np.zeros(len(away)) if taken is None else np.where(taken, np.inf, 0.0)
-        for _ in range(MOST_ENDS):
+        for _ in range(MAX_ENDS):
             free = np.where(shared <= common * away, away, 0.0)
             end = int(free.argmax())
             if not free[end] > 0:

@@ -29,7 +29,7 @@ OTHER_PIXELS = ((0x7FE0, 0x0008), (0x7FE0, 0x0009))
 """Of floating point, which GDCM does not read."""
 DEEPEST = 16
 """Sequences in sequences."""
-MOST_TEXT = 1024
+MAX_TEXT = 1024
 """Bytes of a value that is looked at."""
 SERIES, PLACE, TURN, NUMBER = (0x0020, 0x000E), (0x0020, 0x0032), (0x0020, 0x0037), (0x0020, 0x0013)
 SYNTAX, SAMPLES, FRAMES = (0x0002, 0x0010), (0x0028, 0x0002), (0x0028, 0x0008)
@@ -154,7 +154,7 @@ class Walk:
             if depth == 0 and tag in KEPT:
                 if tag in self.values:
                     raise ValueError(f"the element {tag[0]:04x},{tag[1]:04x} twice")
-                self.values[tag] = self.stream.read(min(length, MOST_TEXT))
+                self.values[tag] = self.stream.read(min(length, MAX_TEXT))
             if depth == 0 and tag == PIXELS:
                 self.pixels = length
             self.stream.seek(after)

@@ -19,9 +19,9 @@ from o3dleaf.leaf.ct.formats.stated import unit_named
 
 HEADER = 1 << 16
 """Bytes in which a header must end."""
-MOST_LINE = 4000
+MAX_LINE = 4000
 """Bytes of a line."""
-MOST_VOXELS = 1 << 40
+MAX_VOXELS = 1 << 40
 BLOCK = 1 << 20
 """Bytes unpacked at once."""
 META_TYPES = {
@@ -58,7 +58,7 @@ class Voxels:
     size: int
     unit: str | None
     packed: int | None = None
-    packed_size: int = MOST_VOXELS
+    packed_size: int = MAX_VOXELS
 
 
 def require_sane_header(path: Path) -> str | None:
@@ -118,7 +118,7 @@ def _lines(path: Path, end: Callable[[bytes], int]) -> tuple[list[str], int]:
     if any(byte < 32 and byte not in b"\t\r\n" for byte in head[:stop]):
         raise ValueError("it is no text")
     lines = head[:stop].decode("latin-1").splitlines()
-    if any(len(line) > MOST_LINE for line in lines):
+    if any(len(line) > MAX_LINE for line in lines):
         raise ValueError("a line has no end")
     return lines, stop
 
@@ -126,7 +126,7 @@ def _lines(path: Path, end: Callable[[bytes], int]) -> tuple[list[str], int]:
 def _whole(words: str, count: int, name: str) -> list[int]:
     """Return `count` whole numbers above zero."""
     numbers = [int(word) for word in words.split() if word.isascii() and word.isdigit()]
-    if len(numbers) != count or len(words.split()) != count or not all(0 < each < MOST_VOXELS for each in numbers):
+    if len(numbers) != count or len(words.split()) != count or not all(0 < each < MAX_VOXELS for each in numbers):
         raise ValueError(f"{name}: {words[:60]}")
     return numbers
 
@@ -174,7 +174,7 @@ def _meta(path: Path) -> Voxels:
             _finite(entries[name], count, name)
     size = prod(_whole(entries["DimSize"], 3, "DimSize")) * META_TYPES[entries["ElementType"]]
     packed = _truth(entries.get("CompressedData", "False"))
-    packed_size = _whole(entries["CompressedDataSize"], 1, "CompressedDataSize")[0] if packed else MOST_VOXELS
+    packed_size = _whole(entries["CompressedDataSize"], 1, "CompressedDataSize")[0] if packed else MAX_VOXELS
     apart = entries["ElementDataFile"]
     where, start = (path, stop) if apart.upper() == "LOCAL" else (_beside(path, apart), 0)
     # Millimeters are what ITK, whose format it is, means by its lengths.
@@ -247,7 +247,7 @@ def _nifti(path: Path) -> Voxels:
     place = struct.unpack_from(f"{order}18f", head, 256)
     if dimensions[0] != 3 and not (dimensions[0] == 4 and dimensions[4] == 1):
         raise ValueError("it is not in three dimensions")
-    if min(dimensions[1:4]) < 1 or NIFTI_SIZES[kind] * 8 != bits or not NIFTI_HEADER <= start < MOST_VOXELS:
+    if min(dimensions[1:4]) < 1 or NIFTI_SIZES[kind] * 8 != bits or not NIFTI_HEADER <= start < MAX_VOXELS:
         raise ValueError(f"{dimensions[1:4]} voxels of {bits} bits from byte {start}")
     if not np.all(np.isfinite((*spacing[:4], *place))) or not all(0 <= code <= 5 for code in codes):
         raise ValueError("its place has numbers that are none")

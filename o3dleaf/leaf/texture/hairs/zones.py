@@ -28,21 +28,21 @@ from o3dleaf.leaf.texture.quilt import REACH
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField
 
-MOST_NODES = 1 << 17
+MAX_NODES = 1 << 17
 """Nodes over all tiles: with the layers that are looked at above them some millions of points."""
-LEAST_NODES = 8
+MIN_NODES = 8
 """Nodes along a tile."""
 FINENESS = 2
 """Nodes, and layers, for each distance of the data: what is thinner is no data."""
 PROMINENCE = 0.2
 """Of the blade's mean thickness: what stands out farther is a hair; pits and the land between them are shallower."""
-LEAST_PROMINENCE = 2.0
+MIN_PROMINENCE = 2.0
 """The same, of the distance of the data: what stands out less may be noise."""
 MARGIN = 0.25
 """Of the distance of the data, between the surface and the lid over it: nodes do not know what lies between them."""
 SHARED = REACH + 1
 """Nodes beside the border of a tile that its neighbors' lids depend on."""
-MOST_COVERED = 0.5
+MAX_COVERED = 0.5
 """Share of the nodes under hairs: where they are more there is no surface to be seen between them."""
 
 
@@ -117,19 +117,19 @@ def find_hairs(texture: TiledField | WangField, longest: float) -> HairZones:
     field, tiles = period.field, period.kinds.shape
     size = texture.period
     distance = field.data_distance
-    step = max(distance / FINENESS, float(np.sqrt(size.prod() * tiles[0] * tiles[1] / MOST_NODES)))
-    nodes = np.maximum(np.ceil(size / step), LEAST_NODES).astype(np.int64)
+    step = max(distance / FINENESS, float(np.sqrt(size.prod() * tiles[0] * tiles[1] / MAX_NODES)))
+    nodes = np.maximum(np.ceil(size / step), MIN_NODES).astype(np.int64)
     ticks = [texture.cell[0, axis] + size[axis] / nodes[axis] * np.arange(tiles[axis] * nodes[axis]) for axis in (0, 1)]
     plane = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
     low, high = texture.cell[:, 2].tolist()
     levels = np.linspace(low, high, int(np.ceil((high - low) * FINENESS / distance)) + 1)
     faces = np.stack([_first_inside(field, plane, each) for each in (levels, levels[::-1])])
-    least = max(LEAST_PROMINENCE * distance, PROMINENCE * float(np.mean(faces[1] - faces[0])))
+    least = max(MIN_PROMINENCE * distance, PROMINENCE * float(np.mean(faces[1] - faces[0])))
     window = 2 * max(round(longest / (size[0] / nodes[0]) / 2), 1) + 1
     covered = _standing_out(-faces[0], window, least) | _standing_out(faces[1], window, least)
     covered = _widened(covered, 1)
     _share(covered, nodes, np.any)
-    if covered.mean() > MOST_COVERED:
+    if covered.mean() > MAX_COVERED:
         raise InputError(
             "hairs: cover most of the patch, so that the surface between them is not seen; leave the map out"
         )

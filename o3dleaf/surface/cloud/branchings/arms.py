@@ -18,7 +18,7 @@ BINS = 36
 """Directions in the plane across: of 10°, as far as noise of a quarter of a spacing turns a point half way out."""
 EMPTY = 0.04
 """Share of the points up to which a direction holds none: an even share is 0.028, a fourth of three arms' 0.08."""
-LEAST_SHARE = 0.25
+MIN_SHARE = 0.25
 """Points of an arm in a shell at least, over those of the arm that has most there: arms of unlike density count too."""
 FEWEST = 2
 """Points of an arm in a shell at least."""
@@ -26,7 +26,7 @@ EXPLAINED = 0.9
 """Share of the points that belongs to arms at least."""
 THICK, NOISES = 0.15, 2.0
 """Spacings, and deviations of the noise, that points may lie off an arm's curve: a double layer lies farther off."""
-LEAST_ANGLE = np.radians(35.0)
+MIN_ANGLE = np.radians(35.0)
 """Between two arms: sheets that meet at less touch, and their planes turn into one another."""
 TWO_SIDED = 0.25
 """Share of an arm's normals that point to its other side from which on it is a thin solid's, two sheets."""
@@ -102,12 +102,12 @@ def count_arms(axes: Axes, tree: cKDTree, noise: FloatArray, normals: FloatArray
     real = np.arange(MOST) < most[:, np.newaxis]
     shell = np.minimum(((ring.radius[on] - INNER) / (OUTER - INNER) * SHELLS).astype(np.int64), SHELLS - 1)
     held = np.bincount(key * SHELLS + shell, minlength=ring.lines * MOST * SHELLS).reshape(-1, MOST, SHELLS)
-    enough = held >= np.maximum(FEWEST, LEAST_SHARE * held.max(axis=1, keepdims=True))
+    enough = held >= np.maximum(FEWEST, MIN_SHARE * held.max(axis=1, keepdims=True))
     off, heading = _fit(key, ring.place[on], ring.radius[on], ring.lines * MOST)
     thin = off.reshape(-1, MOST) <= (NOISES * noise / axes.spacing + THICK)[:, np.newaxis]
     good &= (thin & (held.sum(axis=2) >= SHELLS * FEWEST) | ~real).all(axis=1)
     angle = _least_angle(np.where(real, heading.reshape(-1, MOST), np.nan))
-    good &= angle >= LEAST_ANGLE
+    good &= angle >= MIN_ANGLE
     if normals is not None:
         most = most + _two_sided(ring, on, key, axes, normals).reshape(-1, MOST).sum(axis=1)
     return Arms(np.where(good, most, 0), angle, (enough.all(axis=2) | ~real).all(axis=1))

@@ -39,7 +39,7 @@ CUT_NOTE = (
     "normals contradict one another along a line, where sheets branch or a sheet has one side: {:,} points ({:.2g} %) "
     "were cut out there, around {}"
 )
-MOST_CUT = 0.2
+MAX_CUT = 0.2
 """Share of the points that may be cut out; of more the cloud is no sheet anywhere."""
 
 
@@ -192,7 +192,7 @@ def _orient_apart(points: FloatArray, surfels: Surfels, sides: Sides) -> Orienta
         near = query(cKDTree(line), points[left])[0] <= CUT * surfels.spacing
         cut[left[near]] = True
         rest = points[~cut]
-        if cut.mean() > MOST_CUT or len(rest) < MIN_POINTS:
+        if cut.mean() > MAX_CUT or len(rest) < MIN_POINTS:
             break
         with progress.silent():
             surfels = Surfels.of(rest, nearest_neighbors(cKDTree(rest)).row)

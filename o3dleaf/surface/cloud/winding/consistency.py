@@ -40,7 +40,7 @@ UNCERTAIN = 1e-3
 DOUBTFUL = 0.01
 """Share of uncertain sides up to which what two close sheets enclose is believed: of bowls, pipes and vases 1.3 to 1.7
 spacings thick heights leave 1 to 4 % wrong and this 0.1 to 1 %; with 2 to 11 % uncertain it is the other way round."""
-MOST_TURNED = 0.1
+MAX_TURNED = 0.1
 """Share of the sides that it may turn: it turns 1 to 4 %, and of sheets half a spacing apart 40 %."""
 UNCERTAIN_NOTE = (
     "the sides of {:,} points ({:.2g} %) remain uncertain, where sheets lie closer than their points tell apart, "
@@ -106,7 +106,7 @@ def settle_sheets(points: FloatArray, spacing: FloatArray, normals: FloatArray) 
     wide = np.sqrt(2) * spacing
     found = make_consistent(points, normals, wide, 0.0, np.zeros(len(points), bool))
     turned = np.einsum("ij,ij->i", found.normals, normals) < 0
-    return found.normals if found.uncertain.mean() <= DOUBTFUL and turned.mean() <= MOST_TURNED else normals
+    return found.normals if found.uncertain.mean() <= DOUBTFUL and turned.mean() <= MAX_TURNED else normals
 
 
 def uncertain_notes(points: FloatArray, found: Consistent) -> tuple[str, ...]:
