@@ -43,15 +43,11 @@ def choose_step(scan: CloudLike, thickness: float | None) -> MeshStep:
         If most points of the scan lie on a line or in one place.
     """
     # What lies far off does not move a median, and is not looked for.
-    spacing = _to_two_digits(remove_faults(scan, None).spacing)
+    spacing = float(f"{remove_faults(scan, None).spacing:.1e}")
     fine = math.inf if thickness is None else _to_round_number(thickness / STEPS_PER_PATCH)
     if fine <= spacing:
         return MeshStep(fine, "a fifth of the height of the micro-structure")
     return MeshStep(spacing, "the scan's median point spacing")
-
-
-def _to_two_digits(length: float) -> float:
-    return float(f"{length:.1e}")
 
 
 def _to_round_number(length: float) -> float:

@@ -118,8 +118,6 @@ blade = OBJECT.like(lambda w: w.leaf.blade)
 leaf = lambda w: w.leaf  # noqa: E731
 out_mesh, out_picture = written_to("out.ply"), written_to("out.png")
 
-INTERPOLANTS = {"PUInterpolant": lambda w: w.pu, "RBFInterpolant": lambda w: w.rbf}
-
 
 def entered(size: Any) -> None:
     """Hold to a limit of memory; what it is is looked at where the block begins."""

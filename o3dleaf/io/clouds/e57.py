@@ -32,7 +32,10 @@ def read_e57(file: Path) -> Columns:
     try:
         opened = pye57.E57(str(file))
         try:
-            scans = [_read(opened, number) for number in range(opened.scan_count)]
+            scans = [
+                dict(opened.read_scan(number, colors=True, ignore_missing_fields=True))
+                for number in range(opened.scan_count)
+            ]
         finally:
             opened.close()
     except Exception as cause:  # libE57 and pye57 raise whatever a broken file makes them
@@ -43,11 +46,6 @@ def read_e57(file: Path) -> Columns:
     points = np.concatenate([_stacked(scan, AXES) for scan in scans])
     colored = all(name in scan for scan in scans for name in COLORS)
     return Columns(points, None, np.concatenate([_stacked(scan, COLORS) for scan in scans]) if colored else None)
-
-
-def _read(opened: Any, number: int) -> dict[str, Any]:
-    """Return the columns of one scan that are there."""
-    return dict(opened.read_scan(number, colors=True, ignore_missing_fields=True))
 
 
 def _stacked(scan: dict[str, Any], names: tuple[str, ...]) -> FloatArray:

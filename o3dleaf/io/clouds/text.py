@@ -36,7 +36,11 @@ def read_text(file: Path, columns: str | Sequence[str] | None = None) -> Columns
         If there is no point, columns are missing, or a line has no number where one belongs; it names the line.
     """
     head = read_head(file, columns)
-    places = {group: [head.columns[name] for name in names] for group, names in GROUPS.items() if _all(names, head)}
+    places = {
+        group: [head.columns[name] for name in names]
+        for group, names in GROUPS.items()
+        if set(names) <= head.columns.keys()
+    }
     used = [place for group in places.values() for place in group]
     try:
         rows = _read(file, head, used)
@@ -62,10 +66,6 @@ def read_columns(file: Path, names: str) -> Columns:
         return read_text(file, names)
     groups = {group: [words.index(name) for name in each] for group, each in GROUPS.items() if set(each) <= set(words)}
     return Columns(**{group: rows[:, places] for group, places in groups.items()})
-
-
-def _all(names: Sequence[str], head: TextHead) -> bool:
-    return all(name in head.columns for name in names)
 
 
 def _read(file: Path, head: TextHead, used: list[int]) -> FloatArray:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -179,7 +179,7 @@ def read_text_items(file: Path, start: int, elements: list[Element], wanted: set
     found, missing = {}, set(wanted)
     with file.open("rb") as stream:
         stream.seek(start)
-        lines = _lines(stream)
+        lines = (line for line in stream if not line.isspace())
         for element in elements:
             if not missing:
                 break
@@ -188,11 +188,6 @@ def read_text_items(file: Path, start: int, elements: list[Element], wanted: set
                 found[element.name] = items
             missing.discard(element.name)
     return found
-
-
-def _lines(stream: IO[bytes]) -> Iterator[bytes]:
-    """Yield the lines that are not empty."""
-    return (line for line in stream if not line.isspace())
 
 
 def _text_element(lines: Iterator[bytes], element: Element, file: Path) -> Items:

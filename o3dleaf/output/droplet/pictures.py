@@ -68,7 +68,8 @@ class DropletStage:
 
     def shoot(self, time: float) -> FloatArray:
         """Return the (height, width, 3) sRGB picture at the time next to one."""
-        drop, faces = mesh_arrays(read_mesh(self.readings.surfaces[self._row(time)]).mesh)
+        row = int(np.abs(self.readings.column("t") - time).argmin())
+        drop, faces = mesh_arrays(read_mesh(self.readings.surfaces[row]).mesh)
         vertices = np.concatenate([self.vertices, drop * (LENGTH * 1e3)])
         triangles = np.concatenate([self.triangles, faces + len(self.vertices)])
         count = len(self.triangles)
@@ -81,9 +82,6 @@ class DropletStage:
         shaded = shade_mesh(Shot(vertices, triangles, paint, self.camera, PANEL, LOOK))
         paper = linear(np.broadcast_to(PAPER, (PANEL[1], PANEL[0], 3)).copy())
         return encode(paper * (1 - shaded[..., 3:]) + shaded[..., :3])
-
-    def _row(self, time: float) -> int:
-        return int(np.abs(self.readings.column("t") - time).argmin())
 
 
 def camera_over(half: float, top: float) -> Camera:

@@ -41,7 +41,7 @@ def compose_page(
     """Return the page of a mesh; `points` are those of the scan, `colors` linear RGB of the vertices, if any."""
     report = inspection.report
     sections = [Section("figures", "Figures", figures_tables(report.to_dict(), report.unit))]
-    if _can_be_drawn(inspection):
+    if inspection.report.area > 0:
         sections += _pictures(inspection, points, colors)
     else:
         sections.append(
@@ -52,11 +52,6 @@ def compose_page(
         # Numbers before pictures: the histograms follow the tables.
         sections.insert(1, Section("histograms", "Histograms", f'<div class="row">{charts}</div>'))
     return write_page(title, verdict, sections, _footer(), lead=_lead(inspection))
-
-
-def _can_be_drawn(inspection: Inspection) -> bool:
-    """Return whether the mesh has an area."""
-    return inspection.report.area > 0
 
 
 def _pictures(inspection: Inspection, points: FloatArray | None, colors: FloatArray | None) -> list[Section]:

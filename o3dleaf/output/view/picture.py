@@ -169,7 +169,10 @@ def draw_page(
     scenes = [Scene.of(each.mesh, each.scalars) for each in panels]
     em = subject.view.text * em_of(size)
     foot = round(2.6 * em) if scale_bar or any(scene.scalars for scene in scenes) else 0
-    reaches = [_reach(scene, each.view) for scene, each in zip(scenes, panels, strict=True)]
+    reaches = [
+        Reach.of(scene.vertices, scene.triangles, each.view, facets=scene.facets)
+        for scene, each in zip(scenes, panels, strict=True)
+    ]
     fitted = reaches[0].camera()
     heading = Heading.of(title or "", size, em)
     main, beside = lay_out(size, len(details), fitted.width / fitted.height, heading.height, foot)
@@ -188,10 +191,6 @@ def draw_page(
         if scene.scalars is not None and scene.scalars.limits is not None:
             page.color_bar(box, scene.scalars.color_map, scene.scalars.limits, scene.scalars.label)
     return page
-
-
-def _reach(scene: Scene, view: View) -> Reach:
-    return Reach.of(scene.vertices, scene.triangles, view, facets=scene.facets)
 
 
 def _shoot(scene: Scene, view: View, reach: Reach, box: Box) -> Shot:

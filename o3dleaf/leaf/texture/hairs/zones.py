@@ -152,11 +152,7 @@ def find_hairs(texture: TiledField | WangField, longest: float) -> HairZones:
 def _cut(nodes_of_torus: npt.NDArray[Any], nodes: IntArray, place: tuple[int, int], more: int) -> npt.NDArray[Any]:
     """Return the nodes of the tile in one place of a torus, and some of the next one."""
     starts = [place[axis] * nodes[axis] for axis in (0, 1)]
-    return _window(nodes_of_torus, *((start, start + int(nodes[axis]) + more) for axis, start in enumerate(starts)))
-
-
-def _window(nodes_of_torus: npt.NDArray[Any], *ends: tuple[int, int]) -> npt.NDArray[Any]:
-    """Return the nodes between two along and two across, on a torus."""
+    ends = ((start, start + int(nodes[axis]) + more) for axis, start in enumerate(starts))
     return np.asarray(nodes_of_torus[_rows(nodes_of_torus, *ends)])
 
 
