@@ -174,7 +174,7 @@ class FitQuality:
 
     @property
     def warnings(self) -> list[str]:
-        """What is not held, one line each with how much and where; empty for a good fit."""
+        """Warnings of what the blade does not hold, a line each with how much and where; empty for a good fit."""
         lines = []
         if self.far > MAX_FAR:
             lines.append(

@@ -1,4 +1,4 @@
-"""Where the micro-structure is higher than the blade's radius of curvature: the lift folds there."""
+"""Folds of the lift: places where the micro-structure is higher than the blade's radius of curvature."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +21,7 @@ LAYERS = 16
 
 @dataclass(frozen=True)
 class Folds:
-    """Where a leaf's surface passes through itself because its blade bends too tightly for the micro-structure.
+    """Places where a leaf's surface passes through itself: its blade bends too tightly for the micro-structure.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the mesh of a leaf will take at least, told from scan and volume alone: asked before the blade is fitted.
+"""Memory and time that the mesh of a leaf takes at least, from scan and volume alone: before the blade is fitted.
 
 What it takes is asked again where its surface is known. This here is a lower bound, so that nothing is refused that
 would have room; what is too fine by far is refused at once, and not after minutes of fitting.

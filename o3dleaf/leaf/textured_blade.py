@@ -95,12 +95,12 @@ class TexturedBlade:
 
     @property
     def period(self) -> Period:
-        """What repeats of the texture, all its hairs there."""
+        """The period of the texture, all its hairs there."""
         return period_of(self.texture.base if isinstance(self.texture, LiddedField) else self.texture)
 
     @property
     def periods(self) -> tuple["TexturedBlade", ...]:
-        """What repeats of the texture, on the blade: all its hairs there and, if a map removes some, none of them."""
+        """The periods of the texture on the blade: with all its hairs and, if a map removes some, with none."""
         fields = [self.period.field, *([self.texture.bare] if isinstance(self.texture, ThinnedField) else [])]
         return tuple(TexturedBlade(field, self.blade) for field in fields)
 

@@ -91,7 +91,7 @@ class PeriodOf:
 
     @property
     def periodic(self) -> Texture:
-        """What repeats."""
+        """The periodic part of the texture."""
         texture = self.texture if isinstance(self.texture, Texture) else self.texture()
         if isinstance(texture, ThinnedField):
             texture = texture.texture

@@ -1,4 +1,4 @@
-"""How much memory and time may be used, and what needs more refused before the work.
+"""Limits of memory and time; what needs more is refused before the work.
 
 `sizes`      sizes in words and from words: 2 GB
 `durations`  the same of durations: 10 min

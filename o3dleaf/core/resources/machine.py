@@ -115,7 +115,7 @@ def hard_limits(threads: int) -> Iterator[Limit]:
 
 
 def spare_addresses() -> None:
-    """Where addresses are limited (``ulimit -v``), let threads share allocators: each reserves 64 MiB of its own.
+    """Let threads share allocators where addresses are limited (``ulimit -v``): each reserves 64 MiB of its own.
 
     OpenBLAS reserves as much for each core when NumPy is imported: this comes before it.
     """

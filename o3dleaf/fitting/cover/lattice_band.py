@@ -38,7 +38,7 @@ PART = 1 << 18
 
 @dataclass(frozen=True, eq=False)
 class LatticeBand:
-    """Which tiles of a lattice are far from a level.
+    """The tiles of a lattice that are far from a level.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class LatticeBand:
 
 @dataclass(frozen=True)
 class _Layers:
-    """Which tiles of a layer are far.
+    """The tiles of a layer that are far.
 
     Attributes
     ----------

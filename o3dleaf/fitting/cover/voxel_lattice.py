@@ -1,4 +1,4 @@
-"""Where the voxels of an array are, and the box that they fill."""
+"""The lattice of an array's voxels in space, and the box that they fill."""
 
 from dataclasses import dataclass
 from itertools import product

@@ -159,7 +159,7 @@ class SharedErrors:
 
 
 class BallSmoothing(NamedTuple):
-    """How much each ball is smoothed: alike, by values (M,) of its own, or by what it chooses of `trials` in its fit.
+    """The smoothing of each ball: one for all, values (M,) of its own, or what it chooses of `trials` in its fit.
 
     In that case the fit writes the values.
     """

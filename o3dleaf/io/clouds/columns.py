@@ -1,4 +1,4 @@
-"""What a file says of its points, as arrays, on the way to Open3D's point cloud."""
+"""Columns of a file of points, as arrays, on the way to Open3D's point cloud."""
 
 from dataclasses import dataclass
 

@@ -21,7 +21,7 @@ COORDINATES = GROUPS["points"]
 
 @dataclass(frozen=True)
 class TextHead:
-    """How to read the lines of a text file of points.
+    """The layout of the lines of a text file of points.
 
     Attributes
     ----------

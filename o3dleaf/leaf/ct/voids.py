@@ -19,7 +19,7 @@ FACES, CORNERS = generate_binary_structure(3, 1), generate_binary_structure(3, 3
 
 @dataclass(frozen=True)
 class PiecesAtLevel:
-    """What a level makes of a volume.
+    """Voids and loose pieces of a volume at a level.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ from o3dleaf.leaf.ct.threshold import histogram_threshold, thin, thinning_stride
 
 
 class PlacedVoxels:
-    """Where the voxels of a volume lie, in memory or on disk."""
+    """The lattice of a volume's voxels, in memory or on disk."""
 
     spacing: FloatArray
     origin: FloatArray

@@ -15,7 +15,7 @@ from o3dleaf.leaf.ct.volume import slices_in
 
 @dataclass(frozen=True)
 class VoxelFile:
-    """Where the voxels of a volume lie; it can be sent to another process.
+    """The file of a volume's voxels; it can be sent to another process.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Where a field changes its sign on the way between two points, by the Illinois variant of regula falsi."""
+"""Roots of a field on the way between two points, by the Illinois variant of regula falsi."""
 
 from collections.abc import Callable
 

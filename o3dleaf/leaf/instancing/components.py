@@ -21,7 +21,7 @@ FACE_SHARE = 0.25
 
 @dataclass(frozen=True, eq=False)
 class TileParts:
-    """What a tile falls into, found when it is asked for; the same wherever all of it lies.
+    """The components of a tile, found when first asked for; the same wherever all of it lies.
 
     Attributes
     ----------

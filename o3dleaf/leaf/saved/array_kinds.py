@@ -1,4 +1,4 @@
-"""What an array from a file must be: its type, its shape beside other arrays', its range."""
+"""Requirements on an array from a file: its type, its shape beside other arrays', its range."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

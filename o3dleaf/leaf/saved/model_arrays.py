@@ -1,4 +1,4 @@
-"""What the arrays of a model must be, before compiled loops index by them: a file may hold anything."""
+"""Requirements on the arrays of a model, before compiled loops index by them: a file may hold anything."""
 
 from typing import Any
 

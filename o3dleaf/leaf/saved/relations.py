@@ -1,4 +1,4 @@
-"""What holds between the arrays of a stored object, or its parts."""
+"""Relations between the arrays of a stored object, or its parts."""
 
 from collections.abc import Callable
 from typing import Any

@@ -44,7 +44,7 @@ class LayerField(Blended):
 
     @cached_property
     def fall(self) -> float:
-        """How steeply F falls above and below its patches: value over length, in `unit`."""
+        """Slope at which F falls above and below its patches: value over length, in `unit`."""
         return max(_steepness(patch) for patch in self.patches)
 
     @property

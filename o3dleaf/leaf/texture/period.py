@@ -1,4 +1,4 @@
-"""What repeats of a texture, a tile or a torus of all of a set, and which part of it lies where in the plane."""
+"""The period of a texture, a tile or a torus of all of a set, and which part of it lies where in the plane."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +16,7 @@ from o3dleaf.leaf.texture.wang import WangField, WangTorus
 
 @dataclass(frozen=True, eq=False)
 class Period:
-    """What repeats, and the tiles in it.
+    """One period, and the tiles in it.
 
     Attributes
     ----------

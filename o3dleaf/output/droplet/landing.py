@@ -1,4 +1,4 @@
-"""Where droplets land: on a ridge, in a furrow, on a hair, chosen by a seed from the heights of the face."""
+"""Landing places of droplets: on a ridge, in a furrow, on a hair, chosen by a seed from the heights of the face."""
 
 import numpy as np
 import shapely

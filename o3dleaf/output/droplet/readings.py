@@ -1,4 +1,4 @@
-"""What the solver has written of a droplet, read into one table: volume, contact, widths, height, speed, bounds."""
+"""Readings of a droplet from the files of the solver, in one table: volume, contact, widths, height, speed, bounds."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

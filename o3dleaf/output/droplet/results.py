@@ -24,7 +24,7 @@ HELD = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class DropletResults:
-    """What was read of all runs of a folder.
+    """Readings of all runs of a folder.
 
     Attributes
     ----------

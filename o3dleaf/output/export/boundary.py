@@ -119,7 +119,7 @@ def layer_counts(particles: Particles) -> list[int]:
 
 
 class _depths:  # noqa: N801 - a function that holds its tree
-    """How deep points lie in a closed mesh, (n,): their distances to it, and −1 outside."""
+    """Depths (n,) of points in a closed mesh: their distances to it, and −1 outside."""
 
     def __init__(self, mesh: MeshData, step: float) -> None:
         self.middle, self.step = mesh.vertices.mean(axis=0), step

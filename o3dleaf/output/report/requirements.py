@@ -143,7 +143,7 @@ class CheckResult:
 
     @property
     def failures(self) -> tuple[Finding, ...]:
-        """Those that are not met."""
+        """Requirements that are not met."""
         return tuple(each for each in self.findings if not each.met)
 
     @property

@@ -1,4 +1,4 @@
-"""Where a static drop starts from: a spherical cap, triangulated finer towards its line of contact."""
+"""The shape that a static drop starts from: a spherical cap, triangulated finer towards its line of contact."""
 
 import numpy as np
 from scipy.spatial import Delaunay

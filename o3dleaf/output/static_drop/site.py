@@ -1,4 +1,4 @@
-"""Where a drop is put down on a leaf: the heights of its adaxial face around a place without hairs."""
+"""The site of a drop on a leaf: the heights of its adaxial face around a place without hairs."""
 
 import numpy as np
 

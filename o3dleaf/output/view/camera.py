@@ -130,7 +130,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Reach:
-    """How far a mesh reaches along the axes of a view.
+    """Extent of a mesh along the axes of a view.
 
     Attributes
     ----------

@@ -40,7 +40,7 @@ class PixelSamples:
 
 @dataclass(frozen=True)
 class Lit:
-    """What samples hit.
+    """The light of samples that hit something, and where they hit it.
 
     Attributes
     ----------

@@ -74,7 +74,7 @@ class LeafScan(NamedTuple):
 @checked
 @dataclass(frozen=True, kw_only=True)
 class Scanning:
-    """How a leaf is scanned; lengths but `spacing` are in spacings.
+    """The settings of a scan of a leaf; lengths but `spacing` are in spacings.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Where a sheet has handles: a short way around each, for whoever is told that it cannot be laid flat."""
+"""Handles of a sheet: a short way around each, for the message that it cannot be laid flat."""
 
 import numpy as np
 import scipy.sparse

@@ -1,4 +1,4 @@
-"""Where a chart lies over itself, and which of the two layers is the flap."""
+"""Overlaps of a chart with itself, and which of the two layers is the flap."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What a chart asks of a mesh: one oriented manifold piece of genus 0 with a boundary; its boundary rings."""
+"""The shape of a mesh that has a chart: one oriented manifold piece of genus 0 with a boundary; its boundary rings."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How a chart stretches its sheet: the singular values of its map from the plane, triangle by triangle."""
+"""Stretch of a sheet by its chart: the singular values of its map from the plane, triangle by triangle."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Where a stalk widens into the blade: the likeliest end of what is as wide as the stalk, and lies as its points do."""
+"""The junction of stalk and blade: the likeliest end of what is as wide as the stalk, and lies as its points do."""
 
 from typing import NamedTuple
 
@@ -38,7 +38,7 @@ ROUNDS = 3
 
 
 class Junction(NamedTuple):
-    """Where a stalk ends.
+    """The end of a stalk.
 
     Attributes
     ----------

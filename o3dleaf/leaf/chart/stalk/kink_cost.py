@@ -1,4 +1,4 @@
-"""How well points agree with a stalk that widens into a blade at a place: logarithms of likelihoods.
+"""Likelihood of points under a stalk that widens into a blade at a place, as logarithms.
 
 The points are taken for a sample of the surface with a known density. Beside the stalk's silhouette the blade's
 margins leave it straight, at once or after a jump; there are points inside them, and none before. Within it the points

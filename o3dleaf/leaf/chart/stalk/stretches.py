@@ -1,4 +1,4 @@
-"""Which stretch of a leaf's sections is a stalk: long, narrow against the blade, and not tapering."""
+"""The stretch of a leaf's sections that is a stalk: long, narrow against the blade, and not tapering."""
 
 from typing import NamedTuple
 

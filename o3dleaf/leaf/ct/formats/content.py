@@ -1,4 +1,4 @@
-"""What a file of another name holds, by the bytes that it begins with."""
+"""The kind of a file, by the bytes that it begins with, whatever its name."""
 
 from pathlib import Path
 

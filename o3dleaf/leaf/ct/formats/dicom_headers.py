@@ -42,7 +42,7 @@ Tag = tuple[int, int]
 
 @dataclass(frozen=True)
 class Slice:
-    """What the header of a file with pixels says.
+    """The header of a file with pixels.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What SimpleITK reads: NRRD, MetaImage, NIfTI, and DICOM, of which a folder is one series."""
+"""Volumes that SimpleITK reads: NRRD, MetaImage, NIfTI, and DICOM, of which a folder is one series."""
 
 import gzip
 import zlib

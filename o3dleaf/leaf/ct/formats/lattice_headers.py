@@ -48,7 +48,7 @@ NIFTI_HEADER = 348
 
 @dataclass(frozen=True)
 class Voxels:
-    """Where voxels are, the bytes they take; if they are packed, zlib's window bits, and the bytes that are packed.
+    """Place and size of voxels in a file; if they are packed, zlib's window bits, and the bytes that are packed.
 
     And the unit of their lattice, None where the header leaves it open.
     """

@@ -23,7 +23,7 @@ ISQ_SIZES_AT, ISQ_OFFSET_AT = 44, 508
 
 @dataclass(frozen=True)
 class AimLayout:
-    """Where the header of an AIM file has what is needed, in one version of the format.
+    """Places in the header of an AIM file, in one version of the format.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a file says of its voxels, and what it does not: their lattice, the order of their axes, their type."""
+"""The lattice, the order of axes and the type of voxels, as a file states them or is said to have them."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -29,7 +29,7 @@ SPELLINGS = {
 
 @dataclass(frozen=True)
 class Stated:
-    """What a file states of its lattice.
+    """The lattice of a volume as its file states it.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Stated:
 @checked
 @dataclass(frozen=True, kw_only=True)
 class VoxelLayout:
-    """What is said of voxels whose file does not say it; None is not said.
+    """The layout of voxels whose file does not state it; None is not said.
 
     Attributes
     ----------
@@ -159,7 +159,7 @@ class TurnedVoxels:
 
     @property
     def chunks(self) -> tuple[int, int, int] | None:
-        """What the file keeps in one piece, if it does."""
+        """The shape of what the file keeps in one piece, if it does."""
         chunks = getattr(self.array, "chunks", None)
         return None if chunks is None else self._turned(chunks)
 

@@ -83,7 +83,7 @@ def march_slab(
 
 
 class SlabSurfaces(NamedTuple):
-    """What the slabs of a tile add to it, one after the other.
+    """The parts of a tile's surface that its slabs add, one after the other.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a lattice over one tile takes, and whether there is room for it."""
+"""Memory and time that a lattice over one tile takes, and whether there is room for it."""
 
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.measured import Cost

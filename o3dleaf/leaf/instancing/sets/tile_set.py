@@ -58,7 +58,7 @@ class TileSet:
 
 
 class Tiles(NamedTuple):
-    """What is set down over a blade.
+    """The tiles that are set down over a blade.
 
     Attributes
     ----------

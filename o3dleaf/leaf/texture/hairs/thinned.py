@@ -222,7 +222,7 @@ class ThinnedField(LiddedField):
 
     @cached_property
     def bare(self) -> LiddedField:
-        """What repeats of the texture, all hairs removed."""
+        """The period of the texture, all hairs removed."""
         period = period_of(self.texture)
         return LiddedField(period.field, LaidHairs.bare(self.zones, self.cell[0, :2], self.period, period.kinds))
 

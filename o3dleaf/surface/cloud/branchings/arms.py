@@ -35,7 +35,7 @@ MOST = 8
 
 
 class Arms(NamedTuple):
-    """How many sheets leave each of (m,) lines, 0 where they are not arms, and the least angle (m,) between two.
+    """Number of sheets that leave each of (m,) lines, 0 where they are not arms, and least angle (m,) between two.
 
     `sure` (m,) is False where an arm has few points in one of the shells: by chance, or because it begins elsewhere.
     """

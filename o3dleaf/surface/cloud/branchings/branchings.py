@@ -1,4 +1,4 @@
-"""Where sheets of a cloud meet along lines, and how far from there they are cut."""
+"""Lines along which sheets of a cloud meet, and how far from them the sheets are cut."""
 
 from dataclasses import dataclass
 from functools import cached_property
