@@ -38,7 +38,7 @@ from .leaf.macro.outline import AlphaShape as AlphaShape
 from .leaf.macro.blade import HeightMapBlade as HeightMapBlade
 from .leaf.texture.tiling import TiledField as TiledField
 from .leaf.texture.patches import PatchBlend as PatchBlend
-from .leaf.texture.wang import WangField as WangField
+from .leaf.texture.wang.wang_field import WangField as WangField
 from .leaf.texture.hairs.thinned import ThinnedField as ThinnedField
 from .leaf.multiscale import MultiscaleLeaf as MultiscaleLeaf
 from .leaf.saved.models import load as load

@@ -8,7 +8,7 @@ from o3dleaf.leaf.instancing.components import RIM
 from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.sets.tile_set import MatchingBorders, TileSet, split_torus
 from o3dleaf.leaf.instancing.tile import TileLattice
-from o3dleaf.leaf.texture.corners import KINDS, SIDE, TORUS, kinds_of, torus_color
+from o3dleaf.leaf.texture.wang.corners import KINDS, SIDE, TORUS, kinds_of, torus_color
 from tile_fields import PERIOD
 
 SHAPE = (24, 20, 31)

@@ -212,7 +212,7 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
         from o3dleaf.leaf.multiscale import MultiscaleLeaf
         from o3dleaf.leaf.texture.patches import PatchBlend
         from o3dleaf.leaf.texture.tiling import TiledField
-        from o3dleaf.leaf.texture.wang import WangField
+        from o3dleaf.leaf.texture.wang.wang_field import WangField
 
         spacing = require_positive(self.spacing or 0.0, "spacing")
         if isinstance(model, TiledField | PatchBlend | WangField):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from o3dleaf.leaf.ct.volume import Volume
     from o3dleaf.leaf.texture.patches import PatchBlend
     from o3dleaf.leaf.texture.tiling import TiledField
-    from o3dleaf.leaf.texture.wang import WangField
+    from o3dleaf.leaf.texture.wang.wang_field import WangField
 
 MODEL = "o3dleaf.io.model_file:SUFFIX"
 """Suffix of model files."""
@@ -79,7 +79,7 @@ class CtOptions(TextureOptions):
         from o3dleaf.fitting.rbf.kernels import polyharmonic
         from o3dleaf.fitting.rbf.smoothing import as_smoothing
         from o3dleaf.leaf.ct.threshold import METHODS
-        from o3dleaf.leaf.texture.tiling import require_tiling
+        from o3dleaf.leaf.texture.tile_crop import require_tiling
 
         if isinstance(self.level, str):
             require_choice(self.level, METHODS, "level")

@@ -15,11 +15,11 @@ from o3dleaf.core.resources.needs import Need, in_words, need_of
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.leaf.instancing.extraction.tile_cost import cost_of_tile
-from o3dleaf.leaf.texture.corners import KINDS
 from o3dleaf.leaf.texture.patches import PatchBlend
-from o3dleaf.leaf.texture.quilting import SIZES
 from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.texture.wang.corners import KINDS
+from o3dleaf.leaf.texture.wang.quilting import SIZES
+from o3dleaf.leaf.texture.wang.wang_field import WangField
 
 ASKED = 1000
 """Points whose distance to the next one is asked for."""

@@ -34,7 +34,7 @@ from o3dleaf.leaf.parametric.thickness import as_factors
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField, as_shares
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.texture.wang.wang_field import WangField
 from o3dleaf.leaf.textured_blade import Texture
 from o3dleaf.surface.cloud.outliers import detect_outliers
 from o3dleaf.surface.cloud.usable_points import remove_faults

@@ -18,7 +18,7 @@ from o3dleaf.leaf.texture.hairs.thinned import LiddedField, ThinnedField
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.period import Period, period_of
 from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.leaf.texture.wang import WangField, WangTorus
+from o3dleaf.leaf.texture.wang.wang_field import WangField, WangTorus
 
 BATCH_SIZE = 1 << 17
 """Points evaluated together: gradients need 160 bytes each, 20 MB, and the threads of each part have enough to do."""

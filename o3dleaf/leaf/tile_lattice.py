@@ -17,11 +17,11 @@ from o3dleaf.leaf.instancing.extraction.tile_cost import require_columns
 from o3dleaf.leaf.instancing.sets.mixed_tile import MixedSet
 from o3dleaf.leaf.instancing.sets.tile_set import MatchingBorders, Tiles, TilesAhead, TileSet, split_torus
 from o3dleaf.leaf.instancing.tile import TileLattice
-from o3dleaf.leaf.texture.corners import CORNERS, KINDS, TORUS, Coloring, torus_color
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.layer import LayerField
 from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.texture.wang.corners import CORNERS, KINDS, TORUS, Coloring, torus_color
+from o3dleaf.leaf.texture.wang.wang_field import WangField
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 
 LAYERS = 16

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
     from o3dleaf.leaf.texture.patches import PatchBlend
     from o3dleaf.leaf.texture.tiling import TiledField
-    from o3dleaf.leaf.texture.wang import WangField
+    from o3dleaf.leaf.texture.wang.wang_field import WangField
     from o3dleaf.leaf.textured_blade import Texture
 
 

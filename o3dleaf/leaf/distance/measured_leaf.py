@@ -13,7 +13,7 @@ from o3dleaf.leaf.distance.grid import Sampler, mask_sampler, plan_grid, write_g
 from o3dleaf.leaf.distance.projection import mean_curvature, normals, project
 from o3dleaf.leaf.distance.solid import LeafSolid
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
-from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.texture.wang.wang_field import WangField
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
 

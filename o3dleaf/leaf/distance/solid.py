@@ -16,8 +16,8 @@ from o3dleaf.leaf.distance.search_loops import look_up
 from o3dleaf.leaf.instancing.runs import find_runs, solidify
 from o3dleaf.leaf.instancing.sets.tile_set import MatchingBorders
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
-from o3dleaf.leaf.texture.corners import TORUS
 from o3dleaf.leaf.texture.period import Period
+from o3dleaf.leaf.texture.wang.corners import TORUS
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
 Bools = npt.NDArray[np.bool_]

@@ -19,7 +19,7 @@ from o3dleaf.leaf.saved.array_kinds import Array, Sizes, floats, rising, whole
 from o3dleaf.leaf.saved.relations import RELATIONS
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.hairs.zones import HairZones
-from o3dleaf.leaf.texture.quilt import Quilt
+from o3dleaf.leaf.texture.wang.quilt import Quilt
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
 MAX_EXPONENT = 64

@@ -39,9 +39,9 @@ from o3dleaf.leaf.saved.model_arrays import check_model, stored_index
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.hairs.zones import HairZones
 from o3dleaf.leaf.texture.patches import PatchBlend
-from o3dleaf.leaf.texture.quilt import Quilt
 from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.texture.wang.quilt import Quilt
+from o3dleaf.leaf.texture.wang.wang_field import WangField
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
 CLASSES: dict[str, Callable[..., Any]] = {

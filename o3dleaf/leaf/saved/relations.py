@@ -22,8 +22,8 @@ from o3dleaf.leaf.parametric.splines import VectorSplines
 from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.saved.array_kinds import Array, everywhere, never_falls
 from o3dleaf.leaf.texture.hairs.zones import HairZones
-from o3dleaf.leaf.texture.quilt import Quilt
-from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.texture.wang.quilt import Quilt
+from o3dleaf.leaf.texture.wang.wang_field import WangField
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
 MAX_POWER = 99

@@ -1,18 +1,14 @@
 """The micro-structure of the whole plane: patches repeated, cropped, blended, or cut into tiles that never repeat.
 
 `layer`       a field over the plane with air above and below
+`tile_crop`   the crop of a patch that options ask for
 `tiling`      one patch repeated over the plane, without copying it (paper, section 2.6)
 `seams`       how badly the faces of neighboring tiles match, one number
 `crop`        the offset and the period whose faces match best
 `crossfade`   copies that fade into one another where both have data
 `copy_loops`  which copies a point sees, mirrored and shifted, and their windows
 `patches`     several patches along the leaf, or one for each of its sides
-`corners`     colors of the plane's corners, and the Wang tile that four of them call for
-`least_cut`   the cut along which two contents differ least
-`quilt`       what each node of each Wang tile shows, and its smooth weight
-`spots`       places of patches, and at which of them one differs least from what it is laid over
-`quilting`    Wang tiles cut out of patches
-`wang`        Wang tiles laid over the plane without repetition
+`wang`        Wang tiles, laid over the plane without repetition
 `period`      what repeats of a texture, and which part of it lies where
 `table_map`   a smooth function over the plane, from a table
 `hairs`       hairs, thinned out as a map wants it

@@ -8,10 +8,10 @@ import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.leaf.texture.corners import SIDE, Coloring, kinds_of, torus_color
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.leaf.texture.wang import WangField, WangTorus
+from o3dleaf.leaf.texture.wang.corners import SIDE, Coloring, kinds_of, torus_color
+from o3dleaf.leaf.texture.wang.wang_field import WangField, WangTorus
 
 
 @dataclass(frozen=True, eq=False)

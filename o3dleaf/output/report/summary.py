@@ -22,9 +22,9 @@ from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.meshing import MeshPlan
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.residuals.places import find_places, tell_places
-from o3dleaf.leaf.texture.corners import KINDS
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
-from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.texture.wang.corners import KINDS
+from o3dleaf.leaf.texture.wang.wang_field import WangField
 from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 

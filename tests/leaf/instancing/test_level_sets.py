@@ -14,7 +14,7 @@ from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level, extract_levels
 from o3dleaf.leaf.instancing.sets.tile_set import TileSet
 from o3dleaf.leaf.instancing.tile import TileLattice
-from o3dleaf.leaf.texture.corners import seeded, torus_color
+from o3dleaf.leaf.texture.wang.corners import seeded, torus_color
 from tile_fields import layer, outline
 from tile_sets import LATTICE, SHAPE, facets, finer_torus, laid, set_of, torus_of
 from tolerances import FADE_TWIN

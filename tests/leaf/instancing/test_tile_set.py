@@ -14,7 +14,7 @@ from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import reduce_tile
 from o3dleaf.leaf.instancing.sets.tile_set import TileSet, split_torus
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
-from o3dleaf.leaf.texture.corners import SIDE, seeded, torus_color
+from o3dleaf.leaf.texture.wang.corners import SIDE, seeded, torus_color
 from tile_fields import WIDE, layer, outline, solid_layer
 from tile_sets import BORDERS, LATTICE, SHAPE, WHOLE, facets, laid, set_of, torus_of
 from tolerances import FADE_TWIN, ON_SURFACE

@@ -8,12 +8,12 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf import PUInterpolant, TiledField, WangField
-from o3dleaf.leaf.texture.corners import KINDS, SIDE, kinds_of, torus_color
-from o3dleaf.leaf.texture.least_cut import least_cut
-from o3dleaf.leaf.texture.quilt import spline_weights
-from o3dleaf.leaf.texture.quilting import INSIDE
 from o3dleaf.leaf.texture.seams import SampledPatch
-from o3dleaf.leaf.texture.wang import QuiltedTiles
+from o3dleaf.leaf.texture.wang.corners import KINDS, SIDE, kinds_of, torus_color
+from o3dleaf.leaf.texture.wang.least_cut import least_cut
+from o3dleaf.leaf.texture.wang.quilt import spline_weights
+from o3dleaf.leaf.texture.wang.quilting import INSIDE
+from o3dleaf.leaf.texture.wang.wang_field import QuiltedTiles
 from tolerances import (
     ANALYTIC_VS_DIFFERENCE,
     BORDER,

@@ -7,9 +7,9 @@ import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.leaf.texture.corners import hashed
 from o3dleaf.leaf.texture.hairs.zones import HairZones
-from o3dleaf.leaf.texture.quilt import spline_weights
+from o3dleaf.leaf.texture.wang.corners import hashed
+from o3dleaf.leaf.texture.wang.quilt import spline_weights
 from o3dleaf.surface.mesh.topology import label_nodes
 
 NODES = np.arange(4) - 1

@@ -28,7 +28,7 @@ from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.period import period_of
 from o3dleaf.leaf.texture.table_map import TableMap, as_table
 from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.leaf.texture.wang import WangField, WangTorus
+from o3dleaf.leaf.texture.wang.wang_field import WangField, WangTorus
 
 LONGEST_MM = 0.25
 """Millimeters: what is shorter than this along the leaf and stands out of the blade is a hair; wheat's reach 0.2 along

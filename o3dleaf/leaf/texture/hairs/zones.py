@@ -21,12 +21,12 @@ from scipy.sparse.linalg import spsolve
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.leaf.texture.corners import TORUS
 from o3dleaf.leaf.texture.layer import LayerField
 from o3dleaf.leaf.texture.period import period_of
-from o3dleaf.leaf.texture.quilt import REACH
 from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.texture.wang.corners import TORUS
+from o3dleaf.leaf.texture.wang.quilt import REACH
+from o3dleaf.leaf.texture.wang.wang_field import WangField
 
 MAX_NODES = 1 << 17
 """Nodes over all tiles: with the layers that are looked at above them some millions of points."""

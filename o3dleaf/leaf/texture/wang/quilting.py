@@ -15,12 +15,12 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.leaf.texture.corners import CORNERS, KINDS, corners_of
 from o3dleaf.leaf.texture.crop import reach_of_fade
-from o3dleaf.leaf.texture.least_cut import least_cut
-from o3dleaf.leaf.texture.quilt import REACH, Quilt
 from o3dleaf.leaf.texture.seams import SampledPatch
-from o3dleaf.leaf.texture.spots import Spot, SpotSearch, sums_under
+from o3dleaf.leaf.texture.wang.corners import CORNERS, KINDS, corners_of
+from o3dleaf.leaf.texture.wang.least_cut import least_cut
+from o3dleaf.leaf.texture.wang.quilt import REACH, Quilt
+from o3dleaf.leaf.texture.wang.spots import Spot, SpotSearch, sums_under
 
 FINENESS = 3.0
 """Nodes in the reach of a cross-fade: weights reach two of them, the better half of it, and cuts find their way."""

@@ -18,11 +18,11 @@ from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.leaf.texture.corners import SIDE, kinds_of, seeded, torus_color
 from o3dleaf.leaf.texture.layer import LayerField
-from o3dleaf.leaf.texture.quilt import FARTHEST, Quilt, QuiltedTiles
-from o3dleaf.leaf.texture.quilting import make_quilt
 from o3dleaf.leaf.texture.seams import SeamEnergy
+from o3dleaf.leaf.texture.wang.corners import SIDE, kinds_of, seeded, torus_color
+from o3dleaf.leaf.texture.wang.quilt import FARTHEST, Quilt, QuiltedTiles
+from o3dleaf.leaf.texture.wang.quilting import make_quilt
 
 
 @checked

@@ -21,7 +21,7 @@ from o3dleaf.fitting.local.jet_loops import add_product
 from o3dleaf.fitting.pu.blend import BATCH_SIZE
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
-from o3dleaf.leaf.texture.corners import Coloring, kinds_of
+from o3dleaf.leaf.texture.wang.corners import Coloring, kinds_of
 
 REACH = 2
 """Nodes that the weight of a label reaches beyond its own."""

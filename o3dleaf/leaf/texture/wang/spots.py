@@ -10,8 +10,8 @@ import scipy.fft
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray
-from o3dleaf.leaf.texture.least_cut import disc
-from o3dleaf.leaf.texture.quilt import REACH
+from o3dleaf.leaf.texture.wang.least_cut import disc
+from o3dleaf.leaf.texture.wang.quilt import REACH
 
 TRIES = 8
 """Places of the least mismatch that are cut: the best is the one whose cut costs least."""
