@@ -139,7 +139,7 @@ EDITS: tuple[Callable[[bytearray, int, int, bytes], None], ...] = (
 
 def mended_model(content: bytes, edits: Iterable[Edit], other: bytes = b"") -> bytes:
     """Damage header or arrays of a model file, and make its sums right again."""
-    from o3dleaf.io.model_file import PREFIX  # noqa: PLC0415 - heavy
+    from o3dleaf.io.models.model_file import PREFIX  # noqa: PLC0415 - heavy
 
     edits = list(edits)
     magic, length, _ = PREFIX.unpack(content[: PREFIX.size])

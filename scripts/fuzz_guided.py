@@ -33,7 +33,7 @@ MOST = 20_000
 
 WATCHED = (
     "o3dleaf.io.ply_reader", "o3dleaf.io.polygons", "o3dleaf.io.obj", "o3dleaf.io.stl", "o3dleaf.io.clouds",
-    "o3dleaf.io.model_file", "o3dleaf.leaf.saved", "o3dleaf.leaf.ct", "tifffile.tifffile", "laspy.header", "laspy.vlrs",
+    "o3dleaf.io.models", "o3dleaf.leaf.saved", "o3dleaf.leaf.ct", "tifffile.tifffile", "laspy.header", "laspy.vlrs",
 )  # fmt: skip
 """Modules whose branches are counted: those that look into files."""
 

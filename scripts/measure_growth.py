@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import o3dleaf as o3l
-from o3dleaf.io.model_file import model_draft
+from o3dleaf.io.models.model_draft import model_draft
 from o3dleaf.leaf.meshing import write_flat_tile
 
 MIB = 2**10

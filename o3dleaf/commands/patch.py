@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from o3dleaf.leaf.texture.tiling import TiledField
     from o3dleaf.leaf.texture.wang.wang_field import WangField
 
-MODEL = "o3dleaf.io.model_file:SUFFIX"
+MODEL = "o3dleaf.io.models.model_file:SUFFIX"
 """Suffix of model files."""
 LAYOUT_HELP = (
     "What the file of a volume does not say of its voxels, such as 'dataset=scan/raw axes=zyx' (axes of the array, the "
@@ -193,7 +193,7 @@ class PatchJob(CtOptions, BlockOption, ResumeOption, ClusterOptions, LongJob):
 
     def build(self, spread: "Spread | None" = None) -> "TiledField | WangField":
         """Write the model and the block, by workers that read them from their files, and return the texture."""
-        from o3dleaf.io.model_file import model_draft
+        from o3dleaf.io.models.model_draft import model_draft
         from o3dleaf.leaf.ct.voxel_file import VoxelFile
         from o3dleaf.leaf.meshing import write_flat_tile
         from o3dleaf.leaf.pipeline import create_texture

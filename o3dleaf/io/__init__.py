@@ -16,5 +16,5 @@
 `glb`            glTF 2.0 for the web
 `vtk`            VTP: surfaces and particles for ParaView
 `grid`           regular grids of numbers: VTI, NRRD and NPY
-`model_file`     saved models: one file, no pickle
+`models`         saved models: one file, no pickle
 """

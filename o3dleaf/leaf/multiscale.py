@@ -13,7 +13,7 @@ from o3dleaf.core.arguments.kinds import Positive, Share
 from o3dleaf.core.atomic_files import require_writable
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.labelled_mesh import LabelledMesh
-from o3dleaf.io.model_file import write_model
+from o3dleaf.io.models.model_file import write_model
 from o3dleaf.io.triangle_mesh import SUFFIXES, write_mesh
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.distance.measured_leaf import MeasuredLeaf
@@ -76,7 +76,7 @@ class MultiscaleLeaf(MeasuredLeaf):
         return f"MultiscaleLeaf({self.texture!r} on {self.blade!r})"
 
     def state(self) -> dict[str, Any]:
-        """Return what the leaf is made of, for `o3dleaf.io.model_file`."""
+        """Return what the leaf is made of, for `o3dleaf.io.models.model_file`."""
         blade = self.blade
         if not isinstance(blade, HeightMapBlade):
             return {"texture": self.texture, "blade": blade}

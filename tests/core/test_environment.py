@@ -26,7 +26,7 @@ LARGE = """
 import hashlib, sys
 import numpy as np, open3d as o3d, o3dleaf as o3l
 from o3dleaf.core.parallel import set_num_threads
-from o3dleaf.io.model_file import write_model
+from o3dleaf.io.models.model_file import write_model
 set_num_threads(int(sys.argv[1]))
 points, normals = o3l.samples.Torus().sample(4000, seed=1)
 cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))

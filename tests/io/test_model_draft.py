@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf.io import model_file
-from o3dleaf.io.model_file import HEAD, model_draft
+from o3dleaf.io.models import model_draft as draft_module
+from o3dleaf.io.models import model_file
+from o3dleaf.io.models.model_draft import HEAD, model_draft
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows does not rename a file that is mapped")
 
 
 @pytest.fixture(autouse=True)
 def small_is_large(monkeypatch):
-    monkeypatch.setattr(model_file, "LARGE", 1 << 12)
+    monkeypatch.setattr(draft_module, "LARGE", 1 << 12)
 
 
 def fit(slope=1.0):
@@ -58,7 +59,7 @@ def test_what_a_model_goes_to_elsewhere_or_what_is_not_its_own_array_is_written_
 
 
 def test_a_head_that_is_longer_than_the_room_for_it_is_written_as_ever(tmp_path, monkeypatch):
-    monkeypatch.setattr(model_file, "HEAD", 1 << 9)
+    monkeypatch.setattr(draft_module, "HEAD", 1 << 9)
     assert HEAD > 1 << 9
     with model_draft(tmp_path / "draft.o3l"):
         field = fit()

@@ -10,7 +10,7 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf.core.errors import InputError, O3DLeafError
-from o3dleaf.io.model_file import MAGIC, PREFIX
+from o3dleaf.io.models.model_file import MAGIC, PREFIX
 from o3dleaf.leaf.saved.models import load
 from o3dleaf.samples.scan import wheat_scan
 

@@ -12,7 +12,7 @@ import pytest
 import o3dleaf as o3l
 from leaf_fields import FRAMES
 from o3dleaf.core.errors import InputError
-from o3dleaf.io.model_file import FORMAT, MAGIC, OLDEST, PREFIX, _read_header, write_model
+from o3dleaf.io.models.model_file import FORMAT, MAGIC, OLDEST, PREFIX, _read_header, write_model
 from o3dleaf.leaf.saved.models import CLASSES, load
 from o3dleaf.samples.scan import wheat_scan
 

@@ -273,7 +273,7 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         self, blade: "Blade", leaf: "MultiscaleLeaf | None", spacing: float
     ) -> "tuple[o3d.geometry.TriangleMesh, MeshPlan | None]":
         """Write mesh, tile, grid and model, and return the mesh and the plan of the surface that it is of."""
-        from o3dleaf.io.model_file import write_model
+        from o3dleaf.io.models.model_file import write_model
 
         mesh: o3d.geometry.TriangleMesh
         surface: MeshPlan | None = None

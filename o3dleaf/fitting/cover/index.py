@@ -55,7 +55,7 @@ class BallIndex:
         return f"BallIndex({len(self.balls):,} images of balls in {self.bounds.shape[1]}-D)"
 
     def state(self) -> dict[str, Any]:
-        """Return what the index is made of, for `o3dleaf.io.model_file`: the tree follows from it."""
+        """Return what the index is made of, for `o3dleaf.io.models.model_file`: the tree follows from it."""
         return {
             "bounds": self.bounds,
             "period": self.period,

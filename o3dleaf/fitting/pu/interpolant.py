@@ -38,7 +38,7 @@ from o3dleaf.fitting.pu.blend import Blended
 from o3dleaf.fitting.pu.diagnostics import BallDiagnostics, diagnose_balls
 from o3dleaf.fitting.pu.lattice_blend import blend_on_lattice
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
-from o3dleaf.io.model_file import write_model
+from o3dleaf.io.models.model_file import write_model
 
 OVERLAP = 1.1
 SHARES = (1, 3)

@@ -22,7 +22,7 @@ from o3dleaf.fitting.rbf.shaped.shaped_kernels import Shaped
 from o3dleaf.fitting.rbf.shaped.shaped_loops import evaluate_shaped
 from o3dleaf.fitting.rbf.smoothing import Smoothing, Spectrum, as_smoothing
 from o3dleaf.fitting.rbf.tail import IntArray, tail_exponents
-from o3dleaf.io.model_file import write_model
+from o3dleaf.io.models.model_file import write_model
 
 BLOCK = 512
 

@@ -78,7 +78,7 @@ class AlphaShape:
         return f"AlphaShape({len(self.points):,} points, alpha {self.alpha:.4g}{chosen}, area {self.area:.4g})"
 
     def state(self) -> dict[str, Any]:
-        """Return what the shape is made of, for `o3dleaf.io.model_file`."""
+        """Return what the shape is made of, for `o3dleaf.io.models.model_file`."""
         return {"points": self.points, "alpha": self.alpha}
 
     @cached_property

@@ -157,7 +157,7 @@ class Margin:
         return f"Margin({len(self.points):,} points, area {self.area:.6g}, {kept} holes, spacing {self.spacing:.4g})"
 
     def state(self) -> dict[str, Any]:
-        """Return what the margin is made of, for `o3dleaf.io.model_file`."""
+        """Return what the margin is made of, for `o3dleaf.io.models.model_file`."""
         names = ("points", "ring", "hole_rings", "spacing", "holes", "notes", "unit")
         return {name: getattr(self, name) for name in names}
 

@@ -87,7 +87,7 @@ class ParametricBlade(Blade):
         return self.surface.unit
 
     def state(self) -> dict[str, Any]:
-        """Return what the blade is made of, for `o3dleaf.io.model_file`; what it may lack only where it is."""
+        """Return what the blade is made of, for `o3dleaf.io.models.model_file`; what it may lack only where it is."""
         state = {name: getattr(self, name) for name in ("surface", "outline", "rim_radius", "notes")}
         extras = {"thickness": self.thickness, "petiole": self.petiole}
         return state | {name: extra for name, extra in extras.items() if extra is not None}

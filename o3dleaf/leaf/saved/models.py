@@ -20,7 +20,7 @@ from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.shaped.shaped_kernels import Shaped
 from o3dleaf.fitting.rbf.smoothing import Smoothing
-from o3dleaf.io.model_file import read_model, stored_class
+from o3dleaf.io.models.model_file import read_model, stored_class
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.chart.petiole import Petiole
 from o3dleaf.leaf.macro.blade import HeightMapBlade

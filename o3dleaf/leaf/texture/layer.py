@@ -17,7 +17,7 @@ from o3dleaf.core.resources.scratch import made_by_rows
 from o3dleaf.fitting.pu.blend import BATCH_SIZE, FOLD_BLOCK, Blended
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
-from o3dleaf.io.model_file import write_model
+from o3dleaf.io.models.model_file import write_model
 
 STEEPNESS = 2.0
 """The range of a patch's values is lost within this part, 1/2, of r N^(−1/d), the distance of its data but for a factor

@@ -142,7 +142,7 @@ class PatchBlend(LayerField):
         return PatchBlend(self.textures, self.breaks, self.fade, axis=self.axis, period=period)
 
     def state(self) -> dict[str, Any]:
-        """Return what the field is made of, for `o3dleaf.io.model_file`."""
+        """Return what the field is made of, for `o3dleaf.io.models.model_file`."""
         return {name: getattr(self, name) for name in ("textures", "breaks", "fade", "axis", "period")}
 
     @property

@@ -133,7 +133,7 @@ class TiledField(LayerField):
         return f"TiledField(tiles of {tile}{cropped}, {len(self.field.cover.radii):,} balls, unit {self.unit})"
 
     def state(self) -> dict[str, Any]:
-        """Return what the field is made of, for `o3dleaf.io.model_file`."""
+        """Return what the field is made of, for `o3dleaf.io.models.model_file`."""
         state = {"field": self.field, "period": self.tile}
         if isinstance(self.local, CrossFade):
             state |= {"offset": self.offset, "fade": self.fade, "flip": self.flip, "shift": self.shift}

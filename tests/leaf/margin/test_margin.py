@@ -4,7 +4,7 @@ import shapely
 
 import planar_leaves as leaves
 from o3dleaf.core.errors import InputError
-from o3dleaf.io.model_file import read_model, write_model
+from o3dleaf.io.models.model_file import read_model, write_model
 from o3dleaf.leaf.margin.hole import Hole
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.saved.model_arrays import check_model

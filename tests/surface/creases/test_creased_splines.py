@@ -10,7 +10,7 @@ import tolerances
 from o3dleaf import CreasedSplines, PUInterpolant
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.io.model_file import MAGIC, PREFIX
+from o3dleaf.io.models.model_file import MAGIC, PREFIX
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
 TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]

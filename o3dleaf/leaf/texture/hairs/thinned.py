@@ -217,7 +217,7 @@ class ThinnedField(LiddedField):
         return f"ThinnedField({kept:,} of {hairs:,} hairs of {self.texture!r})"
 
     def state(self) -> dict[str, Any]:
-        """Return what the field is made of, for `o3dleaf.io.model_file`."""
+        """Return what the field is made of, for `o3dleaf.io.models.model_file`."""
         return {name: getattr(self, name) for name in ("texture", "shares", "box", "seed", "zones")}
 
     @cached_property

@@ -115,7 +115,7 @@ class WangField(LayerField):
         return f"WangField(16 tiles of {tile} from {patches}, seed {self.seed}, unit {self.unit})"
 
     def state(self) -> dict[str, Any]:
-        """Return what the field is made of, for `o3dleaf.io.model_file`."""
+        """Return what the field is made of, for `o3dleaf.io.models.model_file`."""
         return {"fields": self.fields, "seed": self.seed, "quilt": self.quilt}
 
     def seam_energy(self) -> SeamEnergy:

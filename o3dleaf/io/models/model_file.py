@@ -10,11 +10,8 @@ import json
 import math
 import os
 import struct
-import sys
 import zlib
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from contextvars import ContextVar
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from importlib.metadata import version
 from os import PathLike
@@ -22,13 +19,12 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from o3dleaf.core.atomic_files import claim, require_writable, whole_file
+from o3dleaf.core.atomic_files import require_writable, whole_file
 from o3dleaf.core.checks.files import require_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.resources.machine import release_pages
-from o3dleaf.core.resources.scratch import placing
+from o3dleaf.io.models import model_draft
 
 SUFFIX = ".o3l"
 MAGIC = b"o3dleaf\n"
@@ -42,10 +38,6 @@ PREFIX = struct.Struct("<8sQI")
 ALIGNMENT = 64
 PART = 1 << 26
 """Bytes of an array that are summed at once."""
-LARGE = 1 << 24
-"""Bytes of an array from which on it comes first in its file."""
-HEAD = 1 << 16
-"""Bytes of the head of such a file, or a multiple of them."""
 KINDS = "biuf"
 """Kinds of numbers that arrays may hold: no objects."""
 MAX_AXES = 8
@@ -63,7 +55,7 @@ def write_model(model: object, path: str | PathLike[str]) -> None:
     tree = _pack(model, arrays)
     order = list(range(len(arrays)))
     largest = max(order, key=lambda n: arrays[n].nbytes, default=0)
-    large = bool(arrays) and arrays[largest].nbytes >= LARGE
+    large = bool(arrays) and arrays[largest].nbytes >= model_draft.LARGE
     if large:
         # Behind a head of a known size: it may lie there before the rest is known.
         order.insert(0, order.pop(largest))
@@ -75,9 +67,9 @@ def write_model(model: object, path: str | PathLike[str]) -> None:
         offset += -(-array.nbytes // ALIGNMENT) * ALIGNMENT
     header |= {"arrays": blocks, "bytes": offset}
     text = json.dumps(header, ensure_ascii=False).encode()
-    text += b" " * (-(PREFIX.size + len(text)) % (HEAD if large else ALIGNMENT))
+    text += b" " * (-(PREFIX.size + len(text)) % (model_draft.HEAD if large else ALIGNMENT))
     head = PREFIX.pack(MAGIC, len(text), zlib.crc32(text)) + text
-    draft = _draft.get()
+    draft = model_draft.current_draft()
     if draft is not None and draft.holds(target, arrays[largest] if large else None, len(head)):
         with draft.temporary.open("r+b") as stream:
             _write(stream, head, [arrays[n] for n in order], already=1)
@@ -108,69 +100,6 @@ def _write(stream: IO[bytes], head: bytes, arrays: list[np.ndarray[Any, Any]], a
         else:
             stream.write(array.data if array.nbytes else b"")
         stream.write(b"\0" * (-array.nbytes % ALIGNMENT))
-
-
-class ModelDraft:
-    """A model file under its temporary name, whose largest array lies in it before the rest is known.
-
-    Attributes
-    ----------
-    target, temporary : Path
-    array : ndarray or None
-        Mapped from the file.
-    is_whole : bool
-        Whether the model has been written.
-    """
-
-    def __init__(self, target: Path, temporary: Path) -> None:
-        self.target, self.temporary = target, temporary
-        self.array: np.ndarray[Any, Any] | None = None
-        self.is_whole = False
-
-    def place(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> np.ndarray[Any, Any] | None:
-        """Return an array to be filled, in the file; None if it is a small one, or not the first."""
-        size = math.prod(shape) * np.dtype(dtype).itemsize
-        # Windows does not rename a file that is mapped.
-        if self.array is not None or size < LARGE or sys.platform == "win32":
-            return None
-        with self.temporary.open("w+b") as stream:
-            claim(stream, HEAD + size)
-            stream.truncate(HEAD + size)
-            self.array = np.asarray(np.memmap(stream, dtype=dtype, mode="r+", offset=HEAD, shape=shape))
-        return self.array
-
-    def holds(self, target: Path, array: np.ndarray[Any, Any] | None, head: int) -> bool:
-        """Return whether it is the file to be written, and the array lies in it, behind a head of so many bytes."""
-        if self.array is None or array is None or self.is_whole or head != HEAD:
-            return False
-        same = self.array.ctypes.data == array.ctypes.data and self.array.nbytes == array.nbytes
-        return same and target == self.target
-
-
-_draft: ContextVar[ModelDraft | None] = ContextVar("o3dleaf.draft", default=None)
-
-
-class _UnusedError(Exception):
-    """Raised to leave nothing of a draft."""
-
-
-@contextmanager
-def model_draft(path: str | PathLike[str]) -> Iterator[None]:
-    """Let the large array of a model that is made inside, and written to `path`, lie in its file from the start.
-
-    The file appears at the end, as whole as by `write_model` and with the same bytes; without it nothing is left.
-    """
-    target = require_writable(path)
-    with suppress(_UnusedError), whole_file(target) as temporary:
-        draft = ModelDraft(target, temporary)
-        token = _draft.set(draft)
-        try:
-            with placing(draft.place):
-                yield
-        finally:
-            _draft.reset(token)
-        if not draft.is_whole:
-            raise _UnusedError
 
 
 def read_model(
