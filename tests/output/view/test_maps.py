@@ -83,6 +83,8 @@ def test_what_is_not_held_is_drawn_where_it_is(held):
 def test_flat_signed_and_given_maps_are_drawn(held, tmp_path):
     blade, scan = held
     page = render_residuals(blade, scan, tmp_path / "fit.png", flat=True, signed=True, spacing=1.0, size=SIZE)
+    for other in ({"flat": True}, {"signed": True}):
+        assert not np.array_equal(page, render_residuals(blade, scan, spacing=1.0, size=SIZE, **other))
     assert np.array_equal(np.round(imread(tmp_path / "fit.png")[:, :, :3] * 255).astype(np.uint8), page)
     away = render_residuals(blade, scan + [0, 0, 500.0], size=SIZE, spacing=1.0)
     assert away.shape == page.shape

@@ -98,3 +98,4 @@ def test_a_wrapped_step_finds_what_the_bare_one_finds():
     points = np.vstack([torus(2000)[0], [[9.0, 9, 9]]])
     bare, wrapped = (remove_faults(points, step) for step in (detect_outliers, partial(detect_outliers)))
     assert np.array_equal(bare.points, wrapped.points)
+    assert np.array_equal(bare.points, points[:-1])
