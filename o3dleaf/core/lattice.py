@@ -54,7 +54,7 @@ class Lattice:
             raise InputError(f"lattice: has shape {self.shape}; a cell needs two points per axis, refine the spacing")
         if self.size > MAX_SIZE:
             raise MemoryBudgetError(
-                f"lattice: {self.size:.2g} points are too many; coarsen the spacing or crop the box"
+                f"spacing: {self.size:.2g} lattice points are too many; coarsen the spacing or crop the box"
             )
 
     @classmethod
@@ -83,7 +83,6 @@ class Lattice:
         # A corner that is a multiple but for rounding must not cost a layer more.
         first, last = np.floor(lower / step + 1e-9), np.ceil(upper / step - 1e-9)
         count = np.maximum(last - first, 1.0) + 1.0
-        require_countable(count)
         return cls(tuple((first * step).tolist()), tuple(step.tolist()), tuple(int(n) for n in count))
 
     @property
@@ -114,15 +113,6 @@ class Lattice:
         for axis, ticks in enumerate(np.ix_(*[self.ticks(axis) for axis in range(len(shape))])):
             columns[..., axis] = ticks
         return columns.reshape(math.prod(shape), len(shape))
-
-
-def require_countable(count: FloatArray) -> float:
-    """Return how many points a lattice has of so many (d,) along its axes, or raise `MemoryBudgetError`."""
-    with np.errstate(over="ignore"):
-        size = float(np.prod(count))
-    if size > MAX_SIZE:
-        raise MemoryBudgetError(f"spacing: {size:.2g} lattice points are too many; coarsen the spacing or crop the box")
-    return size
 
 
 def sample_lattice(

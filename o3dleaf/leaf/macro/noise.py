@@ -15,7 +15,7 @@ MAD = 1.4826
 
 
 def plane_noise(points: FloatArray) -> float:
-    """Return a robust standard deviation of (n, 3) points about the plane through each one's 12 nearest neighbors."""
+    """Return a robust standard deviation of (n, 3) points about the plane through each one and its 12 neighbors."""
     _, rows = query(cKDTree(points), points, k=min(NEIGHBORS + 1, len(points)))
     local = points[rows]
     mean = local.mean(axis=1)

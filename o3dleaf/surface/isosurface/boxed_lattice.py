@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.lattice import Lattice, require_countable, sample_lattice
+from o3dleaf.core.lattice import Lattice, sample_lattice
 from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import require_resources
@@ -49,11 +49,10 @@ class BoxedLattice:
         first, last = np.floor(box[0] / step + share[0]), np.ceil(box[1] / step - share[1])
         last = np.maximum(last, first + 1.0)
         count = last - first + 1.0
-        size = require_countable(count)
-        what, cure = f"spacing: {size:,.0f} lattice points", "crop the box or coarsen it"
-        require_resources(measured.LATTICE_POINT * size, what, cure, step=float(step.max()), power=3)
-        shape = tuple(int(n) for n in count)
-        return cls(Lattice(tuple((first * step).tolist()), tuple(step.tolist()), shape), box, cut)
+        lattice = Lattice(tuple((first * step).tolist()), tuple(step.tolist()), tuple(int(n) for n in count))
+        what, cure = f"spacing: {lattice.size:,} lattice points", "crop the box or coarsen it"
+        require_resources(measured.LATTICE_POINT * lattice.size, what, cure, step=float(step.max()), power=3)
+        return cls(lattice, box, cut)
 
     def sample(self, field: Callable[[FloatArray], npt.NDArray[Any]]) -> FloatArray:
         """Return the (nx, ny, nz) values of a field at the points."""

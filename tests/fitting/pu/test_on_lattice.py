@@ -68,7 +68,7 @@ def test_the_blocks_do_not_change_a_bit_and_progress_reaches_the_end(d, block, m
         ([[0] * 3, [1] * 3], -0.1, InputError, "above zero"),
         ([[0] * 3, [1] * 3], np.nan, InputError, "above zero"),
         ([[0] * 3, [1] * 3], [0.1, 0.1], InputError, "one number, or one per axis"),
-        ([[0] * 3, [1] * 3], 1e-5, MemoryBudgetError, "coarsen"),
+        ([[0] * 3, [1] * 3], 1e-5, MemoryBudgetError, "lattice points are too many; coarsen"),
         ([[0] * 2, [1] * 2], 0.1, InputError, "\\(n, 3\\)"),
         ([[1] * 3, [0] * 3], 0.1, InputError, "the lower, then the upper one"),
         ([[0] * 3, [np.inf] * 3], 0.1, InputError, "infinite"),

@@ -1,5 +1,7 @@
 """Pictures show the mesh where it is, paper where it is not, and the same thing every time."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import open3d as o3d
 import pytest
@@ -12,7 +14,7 @@ from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.units import name_length
 from o3dleaf.output.view import render, show
 from o3dleaf.output.view.camera import Camera, View
-from o3dleaf.output.view.panel import lay_out, lines_of, round_length
+from o3dleaf.output.view.panel import Heading, lay_out, lines_of, round_length
 from o3dleaf.output.view.picture import PAPER, Inset, Scalars, draw_page
 from tolerances import BACKGROUND, SILHOUETTE
 
@@ -191,6 +193,15 @@ def test_no_screen_is_an_error_with_a_cure(ball, monkeypatch):
 def test_a_title_is_no_formula(ball):
     """Names of files may hold dollar signs, between which Matplotlib would look for one."""
     render(ball, size=SIZE, title=r"$\frac{$ leaf, 5 $ a kilogram")
+
+
+@pytest.mark.parametrize("text", ["title", "title\na line", "\na line", "title\n" + "many words " * 1000, ""])
+def test_a_heading_has_room_for_its_lines_and_leaves_a_quarter_of_the_page(text):
+    size, em, baselines = (800, 500), 9.0, []
+    heading = Heading.of(text, size, em)
+    heading.draw(SimpleNamespace(write=lambda _x, y, _line, scale: baselines.append(y + 0.25 * scale * em)))
+    assert len(baselines) == bool(heading.title) + len(heading.lines)
+    assert max(baselines, default=0) <= heading.height <= 0.75 * size[1] + em
 
 
 def test_no_line_ends_between_a_number_and_its_unit():

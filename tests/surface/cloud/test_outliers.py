@@ -11,7 +11,7 @@ from cloud_shapes import torus
 from o3dleaf import OrientedCloud, detect_outliers, read_point_cloud
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.pipeline import is_far
-from o3dleaf.surface.cloud.usable_points import remove_faults
+from o3dleaf.surface.cloud.usable_points import remove_faults, usable_rows
 from tolerances import SCATTERED
 
 
@@ -99,3 +99,4 @@ def test_a_wrapped_step_finds_what_the_bare_one_finds():
     bare, wrapped = (remove_faults(points, step) for step in (detect_outliers, partial(detect_outliers)))
     assert np.array_equal(bare.points, wrapped.points)
     assert np.array_equal(bare.points, points[:-1])
+    assert np.array_equal(usable_rows(points), np.arange(len(points) - 1))
