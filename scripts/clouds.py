@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import open3d as o3d
+from leaf_errors import spacing_of
 from peers import cloud_of
 from scipy.spatial import KDTree
 from surface_errors import errors_to_scan, errors_to_truth, shape_of
@@ -137,9 +138,3 @@ def at_odds(points, normals, neighbours=6):
     """Return the part of pairs of neighbours whose normals point to opposite sides."""
     rows = KDTree(points).query(points, neighbours + 1)[1][:, 1:]
     return float(np.mean((normals[:, np.newaxis] * normals[rows]).sum(axis=2) < 0))
-
-
-def spacing_of(points, neighbours=8):
-    """Return 1/√density of a scan: a disc of n points around one has the area n s², π d²."""
-    distance = KDTree(points).query(points, neighbours + 1)[0][:, -1]
-    return float(np.median(distance) * np.sqrt(np.pi / neighbours))

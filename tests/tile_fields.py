@@ -42,8 +42,12 @@ def outline(points=90, reach=(3.1, 1.7)):
     """An outline with notches; unless it is said otherwise, some five tiles by three."""
     angle = np.linspace(0, 2 * np.pi, points, endpoint=False) + 0.01
     x, y = reach[0] * np.cos(angle) + 2, reach[1] * np.sin(angle) * (1 + 0.2 * np.sin(5 * angle))
-    ring = np.column_stack([x, y])
-    return np.hstack([ring, np.roll(ring, -1, axis=0)])
+    return ring(np.column_stack([x, y]))
+
+
+def ring(points):
+    """The sides (n, 4) of a closed polygon through points (n, 2)."""
+    return np.hstack([points, np.roll(points, -1, axis=0)])
 
 
 def area(sides):

@@ -17,17 +17,12 @@ from o3dleaf.leaf.instancing.reduced import reduce_tile
 from o3dleaf.leaf.instancing.sets.tile_set import TileSet
 from o3dleaf.leaf.instancing.tile import TileLattice
 from o3dleaf.surface.isosurface.polygonize import METHODS
-from tile_fields import LATTICE, PERIOD, WIDE, area, layer, outline, solid_layer
+from tile_fields import LATTICE, PERIOD, WIDE, area, layer, outline, ring, solid_layer
 from tolerances import CHORD_AREA
 
 both = pytest.mark.parametrize(
     "method", [pytest.param(k, id=name, marks=[pytest.mark.slow] * (k > 0)) for k, name in enumerate(METHODS)]
 )
-
-
-def ring(points):
-    points = np.asarray(points, dtype=float)
-    return np.hstack([points, np.roll(points, -1, axis=0)])
 
 
 def eaten(**reach):

@@ -13,14 +13,9 @@ from o3dleaf.leaf.instancing.reduced import reduce_tile
 from o3dleaf.leaf.instancing.tile import TileLattice
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.polygonize import METHODS, march
-from tile_fields import LATTICE, PERIOD, area, assemble, layer, made_block, outline, solid_layer
+from tile_fields import LATTICE, PERIOD, area, assemble, layer, made_block, outline, ring, solid_layer
 
 both = pytest.mark.parametrize("method", range(len(METHODS)), ids=METHODS)
-
-
-def ring(points):
-    points = np.asarray(points, dtype=float)
-    return np.hstack([points, np.roll(points, -1, axis=0)])
 
 
 def lattice_of(nx, ny, nz=31):
