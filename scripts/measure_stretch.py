@@ -20,7 +20,7 @@ from o3dleaf.leaf.chart.flatten import coarsen, lay_flat
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly
 from o3dleaf.leaf.chart.flattening.stretch import stretch_quantiles
 from o3dleaf.leaf.margin.sheet_mesh import triangulate
-from o3dleaf.surface.mesh.components import largest_components
+from o3dleaf.surface.mesh.components import largest_component
 
 TRIANGLES = 6000
 
@@ -49,7 +49,7 @@ def shown(vertices, triangles, chart):
 def of_reconstruct(points):
     """Return the stretch of the largest piece of a reconstruction, laid flat, as text; or why there is none."""
     try:
-        mesh = largest_components(o3l.create_from_point_cloud_rbfpu(points)[0])[0]
+        mesh = largest_component(o3l.create_from_point_cloud_rbfpu(points)[0])[0]
         sheet = coarsen(*drop_unused_vertices(*mesh_arrays(mesh)))
         return shown(*sheet, lay_flat(*sheet))
     except O3DLeafError as cause:

@@ -32,7 +32,7 @@ from o3dleaf.leaf.macro.offset import (
 )
 from o3dleaf.leaf.macro.outline import MAX_FRAGMENTS, AlphaShape
 from o3dleaf.surface.mesh.clip import discard_triangles, trim_to_manifold
-from o3dleaf.surface.mesh.components import largest_components
+from o3dleaf.surface.mesh.components import largest_component
 
 
 @checked
@@ -203,10 +203,10 @@ class HeightMapBlade(Blade):
                 f"no triangle of {step:.4g} {self.unit or ''} fits the outline; use a finer spacing"
             )
         vertices, triangles = trim_to_manifold(vertices, triangles)
-        mesh, removed = largest_components(build_mesh(self.lift(vertices), triangles), 1)
-        if removed.open_area > MAX_FRAGMENTS * mesh.get_surface_area():
+        mesh, areas = largest_component(build_mesh(self.lift(vertices), triangles))
+        if areas[1:].sum() > MAX_FRAGMENTS * areas[0]:
             raise ReconstructionError(
-                f"at {step:.4g} {self.unit or ''} the blade falls into {1 + removed.open} pieces, where its outline is "
+                f"at {step:.4g} {self.unit or ''} the blade falls into {len(areas)} pieces, where its outline is "
                 "narrower than the spacing; use a finer spacing or a larger alpha"
             )
         return mesh

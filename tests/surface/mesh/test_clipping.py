@@ -8,7 +8,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 from o3dleaf.surface.mesh.clip import discard_triangles, trim_to_manifold
-from o3dleaf.surface.mesh.components import connected_components, largest_components
+from o3dleaf.surface.mesh.components import connected_components, largest_component
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 
 
@@ -87,31 +87,12 @@ def test_components_are_counted_and_ordered_by_area():
     oracle, sizes, _ = build_mesh(vertices, triangles).cluster_connected_triangles()
     assert len(sizes) == 3
     assert len({(a, b) for a, b in zip(labels, oracle, strict=True)}) == 3
-    kept, removed = largest_components((vertices, triangles), 1)
+    kept, of_all = largest_component((vertices, triangles))
     assert np.array_equal(np.asarray(kept.vertices), parts[1][0] + (3, 0, 0))
-    assert (removed.closed, removed.open) == (2, 0)
-    assert removed.closed_area == pytest.approx(areas[1:].sum())
-    assert removed.largest_area == areas[1]
-
-
-def test_open_scraps_and_closed_specks_are_told_apart():
-    sheet, speck = grid_sheet(10, 10), mesh_arrays(extract_isosurface(sphere(0.5), 0.2))
-    scrap = grid_sheet(1, 2)
-    parts = [sheet, (speck[0] + (0, 0, 5), speck[1]), (scrap[0] + (20, 0, 0), scrap[1])]
-    start = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
-    vertices = np.concatenate([part[0] for part in parts])
-    triangles = np.concatenate([part[1] + first for part, first in zip(parts, start, strict=True)])
-    kept, removed = largest_components((vertices, triangles), 1)
-    assert len(kept.triangles) == 200
-    assert (removed.closed, removed.open, removed.open_area) == (1, 1, 2.0)
-    assert removed.to_dict()["closed"] == 1
-    all_kept, none = largest_components((vertices, triangles), 9)
-    assert (len(all_kept.triangles), none.closed, none.open) == (len(triangles), 0, 0)
+    assert np.array_equal(of_all, areas)
 
 
 def test_what_cannot_be_meant_is_refused():
-    with pytest.raises(InputError, match="count"):
-        largest_components(grid_sheet(2, 2), 0)
     with pytest.raises(InputError, match="keep_vertex"):
         discard_triangles(*grid_sheet(2, 2), np.ones(3, dtype=bool))
     with pytest.raises(InputError, match="outside 0 to 2"):
