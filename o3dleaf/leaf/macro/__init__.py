@@ -8,9 +8,8 @@
 `noise`           the noise of points about their local planes, their density
 `robust`          a height through scan passes that disagree
 `outline`         the outline: an α-shape
-`lift`            from flat coordinates to the world, with the Jacobian
 `offset`          heights along the blade's normal
-`focal`           heights at which its map folds
+`lift`            from flat coordinates to the world, with the Jacobian, and heights at which that folds
 `blade`           all of it together
 `frame_loops`     stations of the frame, closest points on the axis
 `lift_loops`      the lift and its Jacobian

@@ -17,11 +17,10 @@ from o3dleaf.core.errors import InputError, ReconstructionError, UnitError
 from o3dleaf.core.mesh_arrays import build_mesh
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.blade.lifted import Lifted
-from o3dleaf.leaf.macro.focal import focal_along_normal, focal_up
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.frame_quality import FrameQuality
 from o3dleaf.leaf.macro.height import HeightMap
-from o3dleaf.leaf.macro.lift import lift_up
+from o3dleaf.leaf.macro.lift import focal_along_normal, focal_up, lift_up
 from o3dleaf.leaf.macro.offset import (
     MIN_ROOM,
     OFFSETS,

@@ -13,11 +13,13 @@ WIDEST = 0.35
 """Where a lanceolate leaf is widest, as a share of its length."""
 BASE = 0.3
 """Width of the cut base as a share of the largest."""
+SHARPNESS = 2.2
+"""Power p > 1 of the taper 1 − t^p towards the tip; the tip is the sharper the less it is."""
 CIRCLE = 64
 """Segments of a quarter of a circle."""
 
 
-def long_outline(length: float, width: float, base: float = BASE, sharpness: float = 2.2) -> Polygon:
+def long_outline(length: float, width: float, base: float = BASE) -> Polygon:
     """Return a lanceolate outline: a straight base, widest at 0.35 of its length, a sharp tip.
 
     Parameters
@@ -26,11 +28,9 @@ def long_outline(length: float, width: float, base: float = BASE, sharpness: flo
         In millimeters.
     base : float
         Width of the base as a share of `width`.
-    sharpness : float
-        Power p > 1 of the taper 1 − t^p towards the tip; the tip is the sharper the less it is.
     """
     along = np.linspace(0.0, length, 1 + int(np.ceil(1.5 * length / EDGE)))
-    half = 0.5 * width * _taper(along / length, base, sharpness)
+    half = 0.5 * width * _taper(along / length, base)
     lower, upper = np.column_stack([along, -half]), np.column_stack([along, half])[::-1]
     corner = np.array([[0.0, 0.0]])
     return Polygon(_shorten(np.concatenate([lower, upper[1:], corner])))
@@ -65,10 +65,10 @@ def eat(outline: Polygon, holes: npt.ArrayLike, notches: npt.ArrayLike) -> Polyg
     return rest
 
 
-def _taper(share: FloatArray, base: float, sharpness: float) -> FloatArray:
+def _taper(share: FloatArray, base: float) -> FloatArray:
     """Return half widths as shares of the largest, at shares of the length."""
     rise = base + (1 - base) * np.sin(0.5 * np.pi * np.minimum(share / WIDEST, 1.0))
-    fall = 1 - np.maximum((share - WIDEST) / (1 - WIDEST), 0.0) ** sharpness
+    fall = 1 - np.maximum((share - WIDEST) / (1 - WIDEST), 0.0) ** SHARPNESS
     return np.asarray(rise * fall)
 
 
