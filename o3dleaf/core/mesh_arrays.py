@@ -116,6 +116,16 @@ def tensor_mesh(vertices: FloatArray, triangles: IntArray) -> o3d.t.geometry.Tri
     return mesh
 
 
+def ray_scene(
+    vertices: npt.NDArray[np.float64 | np.float32], triangles: IntArray, threads: int = 0
+) -> o3d.t.geometry.RaycastingScene:
+    """Return Open3D's scene for rays and distances, in single precision: it holds the digits of what is near zero."""
+    scene = o3d.t.geometry.RaycastingScene(nthreads=threads)
+    arrays = np.ascontiguousarray(vertices, dtype=np.float32), np.ascontiguousarray(triangles, dtype=np.uint32)
+    scene.add_triangles(*map(o3d.core.Tensor.from_numpy, arrays))
+    return scene
+
+
 def is_used(vertices: FloatArray, triangles: IntArray) -> BoolArray:
     """Return the (n,) vertices that a triangle names."""
     used = np.zeros(len(vertices), dtype=bool)

@@ -8,7 +8,7 @@ import open3d as o3d
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.mesh_arrays import IntArray, MeshLike, mesh_arrays, triangle_areas
+from o3dleaf.core.mesh_arrays import IntArray, MeshLike, mesh_arrays, ray_scene, triangle_areas
 from o3dleaf.samples.meshed import draw_on_triangles
 from o3dleaf.samples.solids import Feet, Solid
 from o3dleaf.surface.mesh.topology import EdgeTable
@@ -81,10 +81,10 @@ class MeshSolid(Solid):
     @cached_property
     def _scene(self) -> tuple[o3d.t.geometry.RaycastingScene, FloatArray]:
         middle = self.box.mean(axis=0)
-        scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        vertices, triangles = (self.vertices - middle).astype(np.float32), self.triangles.astype(np.uint32)
-        scene.add_triangles(o3d.core.Tensor.from_numpy(vertices), o3d.core.Tensor.from_numpy(triangles))
-        scene.compute_distance(o3d.core.Tensor.from_numpy(vertices[:1]))  # makes its tree, before threads ask
+        scene = ray_scene(self.vertices - middle, self.triangles, threads=1)
+        scene.compute_distance(
+            o3d.core.Tensor.from_numpy(np.zeros((1, 3), dtype=np.float32))
+        )  # makes its tree, before threads ask
         return scene, middle
 
     def _feet(self, points: FloatArray) -> Feet:

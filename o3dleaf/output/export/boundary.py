@@ -9,7 +9,7 @@ from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Positive, Unit, Whole
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.scalars import require_positive
-from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray, ray_scene
 from o3dleaf.core.trees import query
 from o3dleaf.io.labelled_mesh import LABELS, RIM, AnyMesh
 from o3dleaf.io.mesh_data import MeshData, face_vectors, unit_rows
@@ -123,9 +123,7 @@ class _depths:  # noqa: N801 - a function that holds its tree
 
     def __init__(self, mesh: MeshData, step: float) -> None:
         self.middle, self.step = mesh.vertices.mean(axis=0), step
-        self.scene = o3d.t.geometry.RaycastingScene()
-        positions = o3d.core.Tensor.from_numpy(((mesh.vertices - self.middle) / step).astype(np.float32))
-        self.scene.add_triangles(positions, o3d.core.Tensor.from_numpy(mesh.triangles.astype(np.uint32)))
+        self.scene = ray_scene((mesh.vertices - self.middle) / step, mesh.triangles)
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Return the depths of (n, 3) points."""

@@ -12,6 +12,7 @@ from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.atomic_files import require_writable
 from o3dleaf.core.checks.coordinates import as_bounds
 from o3dleaf.core.checks.scalars import require_positive
+from o3dleaf.core.mesh_arrays import ray_scene
 from o3dleaf.core.parallel import blocks
 from o3dleaf.io.grid import SUFFIXES, GridFile
 from o3dleaf.io.labelled_mesh import AnyMesh
@@ -84,9 +85,7 @@ class _Distance:
         self.origin, self.step, self.shape = grid.origin, step, grid.shape
         self.column, self.height = columns_through(mesh, self.origin, step, self.shape)
         self.middle = self.origin + step * (np.array(self.shape) - 1) / 2
-        self.scene = o3d.t.geometry.RaycastingScene()
-        positions = o3d.core.Tensor.from_numpy(((mesh.vertices - self.middle) / step).astype(np.float32))
-        self.scene.add_triangles(positions, o3d.core.Tensor.from_numpy(mesh.triangles.astype(np.uint32)))
+        self.scene = ray_scene((mesh.vertices - self.middle) / step, mesh.triangles)
 
     def planes(self, first: int, last: int) -> npt.NDArray[np.float32]:
         """Return (last − first, ny, nx) distances."""

@@ -9,6 +9,7 @@ import open3d as o3d
 from scipy.spatial import KDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import ray_scene
 from o3dleaf.core.parallel import get_num_threads
 from o3dleaf.output.report.places import KINDS, DefectPlace
 from o3dleaf.output.report.reduce import ReducedMesh
@@ -63,12 +64,8 @@ def draw_sides(reduced: ReducedMesh, places: list[DefectPlace], unit: str | None
     They show the linear RGB of its vertices, `own` (k, 3), or leaf green.
     """
     paint = leaf_green if own is None else vertex_paint(own, reduced.triangles)
-    scene = o3d.t.geometry.RaycastingScene()
     middle = reduced.vertices.mean(axis=0)
-    scene.add_triangles(
-        o3d.core.Tensor.from_numpy((reduced.vertices - middle).astype(np.float32)),
-        o3d.core.Tensor.from_numpy(reduced.triangles.astype(np.uint32)),
-    )
+    scene = ray_scene(reduced.vertices - middle, reduced.triangles)
     figures = list[str]()
     for number, side in enumerate(sides_of(reduced)):
         shot = _frame(reduced, side.view, paint)

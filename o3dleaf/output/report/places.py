@@ -7,7 +7,7 @@ import numpy as np
 import open3d as o3d
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import IntArray, ray_scene
 from o3dleaf.output.view.camera import Camera
 from o3dleaf.surface.mesh.inspection import Inspection
 from o3dleaf.surface.mesh.topology import label_nodes
@@ -146,14 +146,8 @@ def look_at(inspection: Inspection, place: DefectPlace) -> Camera:
     right = np.cross(helper, toward)
     right /= np.linalg.norm(right)
     up = np.cross(toward, right)
-    scene = o3d.t.geometry.RaycastingScene()
-    around = (
-        (measurements.vertices[measurements.triangles[place.window]] - place.center).astype(np.float32).reshape(-1, 3)
-    )
-    scene.add_triangles(
-        o3d.core.Tensor.from_numpy(around),
-        o3d.core.Tensor.from_numpy(np.arange(len(around), dtype=np.uint32).reshape(-1, 3)),
-    )
+    around = (measurements.vertices[measurements.triangles[place.window]] - place.center).reshape(-1, 3)
+    scene = ray_scene(around, np.arange(len(around)).reshape(-1, 3))
     middle = corners.mean(axis=1, keepdims=True)
     points = (middle + 0.7 * (corners - middle)).reshape(-1, 3)[:600] - place.center
     best, most = toward, -1.0

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray, ray_scene
 from o3dleaf.output.view.camera import EYE, Camera, View, rays_from
 from o3dleaf.output.view.camera_loops import mark_covered
 from o3dleaf.output.view.film import Film, Lit, PixelSamples
@@ -132,10 +132,8 @@ class Surface:
     @classmethod
     def of(cls, shot: Shot) -> "Surface":
         """Build the tree."""
-        # float32 holds the digits of what is near zero: the target becomes the origin.
-        local, triangles = (shot.vertices - shot.camera.target).astype(np.float32), shot.triangles.astype(np.uint32)
-        tree = o3d.t.geometry.RaycastingScene()
-        tree.add_triangles(o3d.core.Tensor.from_numpy(local), o3d.core.Tensor.from_numpy(triangles))
+        local = (shot.vertices - shot.camera.target).astype(np.float32)
+        tree = ray_scene(local, shot.triangles)
         # Open3D builds the tree at the first ray, and looks out for no other thread.
         tree.cast_rays(o3d.core.Tensor.from_numpy(np.zeros((1, 6), dtype=np.float32)))
         return cls(shot, tree, vertex_normals(local, shot.triangles) if shot.view.smooth else np.empty((0, 3)))

@@ -16,7 +16,7 @@ from o3dleaf.core.checks.attributes import as_answers, require_one_column
 from o3dleaf.core.checks.coordinates import as_bounds
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.field import Field
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import IntArray, ray_scene
 from o3dleaf.core.parallel import blocks, get_num_threads
 from o3dleaf.core.units import check_unit, unit_scale
 from o3dleaf.surface.mesh.measurements import MeshMeasurements
@@ -152,13 +152,8 @@ def _scene(
     vertices: FloatArray, triangles: IntArray, points: FloatArray
 ) -> tuple[o3d.t.geometry.RaycastingScene, FloatArray]:
     """Return a mesh in Open3D's scene, about the middle of some points, and that middle."""
-    scene = o3d.t.geometry.RaycastingScene(nthreads=_ray_threads())
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    scene.add_triangles(
-        o3d.core.Tensor.from_numpy((vertices - middle).astype(np.float32)),
-        o3d.core.Tensor.from_numpy(triangles.astype(np.uint32)),
-    )
-    return scene, middle
+    return ray_scene(vertices - middle, triangles, _ray_threads()), middle
 
 
 def _at_used(measured: MeshMeasurements, measure: Callable[[FloatArray], FloatArray]) -> FloatArray:

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray, ray_scene
 from o3dleaf.core.newton import Jet, project_to_level
 
 MAX_ITERATIONS = 20
@@ -97,11 +97,8 @@ class MeshTarget:
 
     def __init__(self, vertices: FloatArray, triangles: IntArray) -> None:
         """Take the mesh."""
-        # float32 holds the digits of what is near zero.
         self.middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-        self.scene = o3d.t.geometry.RaycastingScene()
-        tensors = (vertices - self.middle).astype(np.float32), triangles.astype(np.uint32)
-        self.scene.add_triangles(*(o3d.core.Tensor.from_numpy(each) for each in tensors))
+        self.scene = ray_scene(vertices - self.middle, triangles)
 
     def project(
         self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray
