@@ -8,8 +8,6 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 from scipy.ndimage import gaussian_filter1d
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from o3dleaf.core.arguments.checked import checked
@@ -20,6 +18,7 @@ from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.blade.outline_area import in_polygon
+from o3dleaf.surface.mesh.topology import label_nodes
 
 BLUR = 2.0
 """Width of the Gaussian that a closed leaf's rim is smoothed by, in median spacings: the resolution of the scan."""
@@ -137,9 +136,8 @@ def _components(neighbors: npt.NDArray[np.integer], kept: IntArray) -> tuple[int
     place[kept] = np.arange(len(kept))
     other = place[neighbors[kept]]
     row, side = np.nonzero(other >= 0)
-    graph = coo_array((np.ones(len(row)), (row, other[row, side])), shape=(len(kept), len(kept)))
-    count, labels = connected_components(graph, directed=False)
-    return int(count), labels.astype(np.int64)
+    labels = label_nodes(np.ascontiguousarray(row), other[row, side], len(kept))
+    return int(labels.max(initial=-1)) + 1, labels
 
 
 def _filled_union(points: FloatArray, triangles: IntArray) -> shapely.Polygon:

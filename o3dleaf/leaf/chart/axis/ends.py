@@ -3,14 +3,13 @@
 from typing import Any
 
 import numpy as np
-import scipy.sparse
 import shapely
-from scipy.sparse.csgraph import connected_components
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.chart.axis.sections import leave_along
 from o3dleaf.leaf.chart.flattening.geodesics import Ways
+from o3dleaf.surface.mesh.topology import label_nodes
 
 ELONGATED = 3.0
 """Square of the greatest distance over the area from which on a blade's ends are where it is longest: a disc has 1.3, a
@@ -68,11 +67,7 @@ def _parts_of_slices(triangles: IntArray, slices: IntArray) -> IntArray:
     """Return the (m,) labels of the pieces of triangles that hang together by vertices within one slice."""
     own, corner = np.unique(slices[:, np.newaxis] * (triangles.max() + 1) + triangles, return_inverse=True)
     rows = np.repeat(np.arange(len(triangles)), 3)
-    links = scipy.sparse.coo_array(
-        (np.ones(len(rows)), (rows, len(triangles) + corner.ravel())),
-        shape=(len(triangles) + len(own), len(triangles) + len(own)),
-    )
-    return np.asarray(connected_components(links, directed=False)[1][: len(triangles)])
+    return label_nodes(rows, len(triangles) + corner.ravel(), len(triangles) + len(own))[: len(triangles)]
 
 
 def symmetry_axis(outline: Any, through: FloatArray | None = None) -> FloatArray:
