@@ -10,7 +10,7 @@
 `outside_loops`  a field outside its bounds
 `lattice`        a regular lattice over a box, sampled in bounded memory
 `resume`         finished parts of long work, kept beside its result
-`progress`       how far the running work is, by context
+`progress`       progress of the running work, by context
 `parallel`       the thread pool that drives compiled loops over fixed blocks
 `even_sample`    rows evenly spread over all
 `trees`          queries of k-d trees, on as many threads as they are worth

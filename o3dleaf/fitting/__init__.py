@@ -2,6 +2,6 @@
 
 `rbf`    one local interpolant
 `cover`  balls over a box, and which of them contain a point
-`local`  what is fitted in the balls, and its blend
+`local`  local fits in the balls, and their blend
 `pu`     many balls as one function
 """

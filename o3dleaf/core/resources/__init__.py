@@ -2,9 +2,9 @@
 
 `sizes`      sizes in words and from words: 2 GB
 `durations`  the same of durations: 10 min
-`machine`    what the process holds, and the limits of system, container and shell
-`budget`     what is left of the least of them and of what was stated
-`measured`   what work was measured to cost
-`needs`      what work will need, and what needs more than there is refused
+`machine`    memory of the process, and the limits of system, container and shell
+`budget`     the rest of the least of them and of what was stated
+`measured`   measured costs of work
+`needs`      predicted needs of work; more than there is is refused
 `scratch`    numbers in a temporary file where memory would not hold them
 """

@@ -9,7 +9,7 @@
 `copy_loops`  which copies a point sees, mirrored and shifted, and their windows
 `patches`     several patches along the leaf, or one for each of its sides
 `wang`        Wang tiles, laid over the plane without repetition
-`period`      what repeats of a texture, and which part of it lies where
+`period`      the period of a texture, and which part of it lies where
 `table_map`   a smooth function over the plane, from a table
 `hairs`       hairs, thinned out as a map wants it
 """

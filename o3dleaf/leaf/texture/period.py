@@ -61,7 +61,7 @@ class Period:
 
 
 def period_of(texture: TiledField | PatchBlend | WangField | WangTorus) -> Period:
-    """Return what repeats of a texture."""
+    """Return the period of a texture."""
     corner, tile = texture.cell[0, :2], texture.period
     if not isinstance(texture, WangField):
         return Period(texture, corner, tile, np.zeros((1, 1), dtype=np.int64), None)
