@@ -5,7 +5,7 @@ that keeps lengths or, as in the paper, a height over a plane; the micro-structu
 Composed, they are one implicit function of the whole leaf.
 
 `ct`              micro-CT volumes
-`blade`           what all rooms know of a blade
+`blade`           the base of all blades
 `macro`           the paper's blade: midrib, frame, height map, outline
 `sheet`           from any scan to one open sheet
 `chart`           a sheet laid flat, its midrib along u
@@ -21,11 +21,11 @@ Composed, they are one implicit function of the whole leaf.
 `fine_windows`    a mesh with finer windows
 `residuals`       a scan's points against a blade: their noise, their places
 `fit_quality`     `FitQuality`: what a blade holds of its scan and what it does not
-`folds`           where a blade bends too tightly for the micro-structure
+`folds`           folds where a blade bends too tightly for the micro-structure
 `multiscale`      `MultiscaleLeaf`: all of it together
 `options`         options of building a leaf
 `mesh_step`       the step of a mesh where none was asked for
-`mesh_needs`     what its mesh will take at least, before it is fitted
+`mesh_needs`     memory and time of its mesh, before it is fitted
 `paper_pipeline`  a scan to the paper's blade
 `pipeline`        scan and volume to a leaf
 `saved`           models that were saved, read again

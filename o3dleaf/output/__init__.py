@@ -4,7 +4,7 @@
 `droplet`      a droplet on the leaf, for OpenFOAM, and its run
 `static_drop`  a drop at rest, by Surface Evolver
 `view`         pictures and the interactive window
-`report`       what is known of a mesh, a file or a run
+`report`       reports on a mesh, a file or a run
 `figures`      figures like the paper's
 """
 

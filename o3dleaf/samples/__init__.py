@@ -10,7 +10,7 @@
 `meshed`  solids meshed finely
 `slab`    a wavy sheet
 `figure`  a figure of many parts
-`mesh_solid` what a closed mesh bounds
+`mesh_solid` the solid within a closed mesh
 `narrow`  fins, a gap, a fold, bumps
 `leaves`  leaves of any shape: curled, twisted, eaten, lobed, on a petiole
 """

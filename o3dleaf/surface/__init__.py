@@ -1,7 +1,7 @@
 """Any cloud, any field, any mesh: nothing here depends on leaves.
 
 `cloud`           a point cloud made ready
-`mesh`            what a mesh is: topology, defects, measures
+`mesh`            topology, defects and measures of a mesh
 `creases`         a local fitter that keeps sharp creases
 `isosurface`      a field to triangles
 `repair`          meshes cleaned and simplified

@@ -1,13 +1,13 @@
 """Point clouds by format, each as columns of float64.
 
-`columns`  what a file says of its points: coordinates, normals, colors
+`columns`  columns of a file of points: coordinates, normals, colors
 `header`   names, separator and comments of a text file
 `text`     TXT, CSV and ASC
 `las`      LAS and LAZ, by laspy
 `las_header`  their headers, against the size of the file
 `e57`      E57, by pye57
 `pcd`      PCD
-`lzf`      what is packed in compressed PCD
+`lzf`      compressed PCD unpacked
 `pts`      PTS
 `bgeo`     BGEO, written for programs that read by Partio
 `cut_off`  PTS and columns of numbers that end too early

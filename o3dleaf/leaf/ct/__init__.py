@@ -6,7 +6,7 @@
 `voxel_file` voxels as another process reads them
 `mixture`    air, leaf and the voxels between them, fitted to a histogram
 `threshold`  the intensity between air and leaf
-`voids`      what a range of levels makes of a volume
+`voids`      voids and loose pieces of a volume over a range of levels
 `pure`       voxels that are air or leaf, and nothing between
 `drift`      air and leaf of the same intensity in every slice
 `rings`      rings around the scanner's axis, found and removed

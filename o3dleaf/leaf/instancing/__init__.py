@@ -4,7 +4,7 @@ A tile is periodic along the first two axes, and a function takes flat coordinat
 
 `runs`         the inside, column by column: voids filled, islands removed
 `tile`         one period of the surface, its vertices named by the edges of the lattice
-`extraction`   how it is made of a field
+`extraction`   a tile from a field
 `sets`         several tiles, of which each place has one, or parts of two
 `footprint`    cells of the plane inside the outline, and distances of columns to its edge
 `placement`    the part of a tile that one place uses: whole cells inside the outline, or a solid that it cuts
@@ -18,5 +18,5 @@ A tile is periodic along the first two axes, and a function takes flat coordinat
 `stitch`       two levels joined along the curtain between them
 `tile_loops`   runs along columns and edges of one period
 `plane_loops`  an outline over cells and columns
-`rim_loops`    where an outline cuts a tile
+`rim_loops`    cuts of a tile by an outline
 """

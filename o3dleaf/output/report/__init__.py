@@ -7,7 +7,7 @@
 `compose`       the parts of the page
 `page`          the page, with `assets/page.css`
 `reduce`        fewer triangles, to look at
-`places`        where the defects are, and from where to look at them
+`places`        places of defects, and views of them
 `shots`         pictures of a mesh, shaded
 `closeups`      the worst triangles and every defect
 `overviews`     the mesh from several sides

@@ -3,7 +3,7 @@
 `polygonize`         samples on a lattice to triangles
 `boxed_lattice`      a lattice that ends on the faces of a box
 `level_samples`      samples, rough where their side is certain
-`caps`               what closes a surface on those faces
+`caps`               caps that close a surface on those faces
 `crease_edges`       sharp edges between tangent planes
 `band`               cells that grow across the faces a surface crosses
 `band_surface`       vertices and triangles in those cells

@@ -1,7 +1,7 @@
 """Remeshing: triangles that a solver accepts, every vertex on the surface.
 
 `halfedge_loops`     a mesh that can be edited in place: collapse, swap, split
-`shape_loops`        how good a triangle is
+`shape_loops`        the quality of a triangle
 `score_loops`        scores of triangles in a mesh, and conditions on edits
 `edit_loops`         edits where they make triangles better, and passes of them
 `move_loops`         vertices moved where that makes triangles better

@@ -7,5 +7,5 @@
 `anderson`     a descent in fewer steps
 `embedding`    maps of a sheet to the plane
 `untangle`     single flipped triangles put right
-`overlap`      where a chart lies over itself
+`overlap`      overlaps of a chart with itself
 """

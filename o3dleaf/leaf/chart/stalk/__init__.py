@@ -2,9 +2,9 @@
 
 `point_ways`    distances along a cloud of points
 `sections`      widths of the sections at equal distance from an end
-`stretches`     which stretch of them is a stalk
+`stretches`     the stretch of them that is a stalk
 `lobes`         ends of the leaf that look as it does
 `stalk_points`  the points about the end of a stalk, along, across and above it
-`kink_cost`     how well they agree with a stalk that ends at a place
-`junction`      where a stalk widens into the blade
+`kink_cost`     their likelihood under a stalk that ends at a place
+`junction`      the place where a stalk widens into the blade
 """

@@ -1,6 +1,6 @@
 """Volumes from files: one module a family of formats, each to an array and what the file states of it.
 
-`stated`    what a file says of its voxels, and what it does not; the order of axes
+`stated`    lattice, order of axes and type of voxels, as a file states them
 `tiff_pages`  the chain of a TIFF's pages, whole or not
 `tiff`      TIFF stacks in and out
 `slices`    folders of TIFF and PNG slices
@@ -12,7 +12,7 @@
 `hdf5`      HDF5, by h5py
 `ome_zarr`  OME-Zarr, by zarr
 `points`    PLY of points with an intensity
-`content`   what a file of another name holds
+`content`   the kind of a file by its first bytes
 `counts`    about how many voxels a file has
 `read`      `read_volume` and `open_volume`, by the suffix of the name
 """
