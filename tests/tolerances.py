@@ -1160,3 +1160,6 @@ a tenth is for what a spacing means; 0.32 where the lattice is as fine as where 
 SCATTERED = 0.9
 """Of points scattered through space, six spacings off a surface and more: 0.95 to 1.0 are found; few where they are
 judged by distances alone."""
+
+THREE_DIGITS = 0.01
+"""Of a length told with three digits: a step of the last one is at most that."""

@@ -1,7 +1,9 @@
 """Lengths: one unit an object, named where files are read and converted once at the border; and lengths in words."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 from o3dleaf.core.errors import UnitError
 
@@ -98,6 +100,24 @@ def measure_in_words(
     places = _places(size * factor, digits)
     numbers = join.join(_plain(each * factor, places) for each in values)
     return numbers if shown is None else f"{numbers} {in_unit(shown)}{POWERS[power]}"
+
+
+@contextmanager
+def lengths_in(unit: str | None) -> Iterator[None]:
+    """State the unit of the lengths that messages inside tell (`tell_length`); None: it is not known."""
+    token = _of_messages.set(unit)
+    try:
+        yield
+    finally:
+        _of_messages.reset(token)
+
+
+_of_messages: ContextVar[str | None] = ContextVar("o3dleaf.unit", default=None)
+
+
+def tell_length(value: float | Sequence[float], power: int = 1, *, digits: int = 3, join: str = ", ") -> str:
+    """Return what `measure_in_words` says of a length, or of an area, in the unit that `lengths_in` states."""
+    return measure_in_words(value, _of_messages.get(), power=power, digits=digits, join=join)
 
 
 def _readable_unit(size: float, unit: str, power: int) -> str:

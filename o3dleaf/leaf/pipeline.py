@@ -17,7 +17,7 @@ from o3dleaf.core.parallel import run_together, single_threaded_blas
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import Need, need_of
 from o3dleaf.core.resume.blocks import kept
-from o3dleaf.core.units import METERS, unit_scale
+from o3dleaf.core.units import METERS, lengths_in, unit_scale
 from o3dleaf.fitting.local.voxels.lattice_fit import cost_of_fit
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
@@ -96,7 +96,9 @@ def create_blade(
         need_for_blade(len(points_of(scan, "scan"))).require()
         points = remove_faults(points_of(scan, "scan", least=3), is_far).points
         _require_size(float(np.linalg.norm(np.ptp(points, axis=0))), unit, LEAF_LENGTH_MM, "scan", "leaf")
-    return build(points, None if midrib is None else points_of(midrib, "midrib", least=2), unit, options)
+    control = None if midrib is None else points_of(midrib, "midrib", least=2)
+    with lengths_in(unit):
+        return build(points, control, unit, options)
 
 
 @checked

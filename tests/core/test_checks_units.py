@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from o3dleaf.core.checks import attributes, coordinates, files, scalars
 from o3dleaf.core.errors import InputError, O3DLeafError, UnitError
-from o3dleaf.core.units import METERS, check_unit, measure_in_words, unit_scale
+from o3dleaf.core.units import METERS, check_unit, lengths_in, measure_in_words, tell_length, unit_scale
 
 
 @pytest.mark.parametrize(
@@ -169,6 +169,15 @@ def test_a_leaf_has_an_area_in_whatever_unit():
     assert measure_in_words((1.2e-4, -3.4e-5), "m") == "120, -34 µm"
     assert measure_in_words(1234.5678, None) == "1,235"
     assert measure_in_words(1.5e-9, None, power=3) == "1.5e-09"
+
+
+def test_a_message_tells_lengths_in_the_unit_that_is_stated_around_it():
+    with lengths_in("m"):
+        with lengths_in("um"):
+            assert tell_length(3.14159) == "3.14 µm"
+        assert tell_length(0.000508) == "508 µm"
+        assert tell_length(1e-6, 2) == "1 mm²"
+    assert tell_length(3.14159) == "3.14"
 
 
 def test_rows_of_different_lengths_and_complex_numbers_are_no_array():

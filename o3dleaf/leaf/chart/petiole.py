@@ -9,6 +9,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.chart.stalk.junction import Junction, find_junction
 from o3dleaf.leaf.chart.stalk.lobes import is_one_of_several
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
@@ -63,7 +64,8 @@ class Petiole:
     def __str__(self) -> str:
         ends = np.array([self.end, self.junction])
         end, junction = (tell_place(place, ends) for place in ends)
-        return f"petiole: {self.length:.3g} long and {self.width:.2g} wide, from {end} to the blade at {junction}"
+        size = f"{tell_length(self.length)} long and {tell_length(self.width)} wide"
+        return f"petiole: {size}, from {end} to the blade at {junction}"
 
 
 def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Petiole | None]:

@@ -4,6 +4,7 @@ import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.chart.axis.sections import reached
 from o3dleaf.leaf.chart.midline import Midline
 
@@ -50,5 +51,5 @@ def turn_chart(chart: FloatArray, midline: Midline, *, mirrored: bool) -> tuple[
 
     turned = Midline(moved(curve), midline.widths, moved(midline.base), moved(midline.tip), midline.notes)
     off = float(np.abs(turned.curve[:, 1]).max())
-    note = f"the midrib bends in the blade: it leaves its straight line by {off:.3g}"
+    note = f"the midrib bends in the blade: it leaves its straight line by {tell_length(off)}"
     return moved(chart), turned, note if off > STRAIGHT * midline.width else None

@@ -15,7 +15,7 @@ from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import blocks, run_blocks
-from o3dleaf.core.units import check_unit
+from o3dleaf.core.units import check_unit, tell_length
 from o3dleaf.leaf.macro import frame_loops
 from o3dleaf.leaf.macro.frame_loops import AxisSamples, FrameSplines
 from o3dleaf.leaf.macro.frame_quality import FrameQuality
@@ -100,7 +100,7 @@ class LeafFrame:
         facing = as_points(WORLD_UP if up is None else up, "up", dim=3)[0]
         normals = consistent_normals(scan, control, reach, facing)
         notes.append(f"up: {'world +z' if up is None else 'as hinted'}")
-        notes.append(f"PCA radius: {reach:.4g}")
+        notes.append(f"PCA radius: {tell_length(reach)}")
         order = min(degree, len(control) - 1)
         lengths = arc_lengths(control, order)
         axis = make_interp_spline(lengths, control, k=order)

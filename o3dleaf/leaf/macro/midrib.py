@@ -15,6 +15,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.midrib_normals import half_width
 
@@ -82,7 +83,7 @@ def find_midrib(cloud: CloudLike) -> FloatArray:
 
 def _broad(length: float, width: float) -> ReconstructionError:
     return ReconstructionError(
-        f"midrib: the blade is {length:.3g} long and {width:.3g} wide, not an elongated leaf; "
+        f"midrib: the blade is {tell_length(length)} long and {tell_length(width)} wide, not an elongated leaf; "
         "pick control points by hand and give them as the midrib"
     )
 

@@ -15,6 +15,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.coordinates import as_points, as_sites
 from o3dleaf.core.checks.scalars import as_number, require_positive
 from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.units import tell_length
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.blade.outline_area import in_polygon
 from o3dleaf.leaf.margin.edge.edge_fit import fit_edge
@@ -266,7 +267,7 @@ def _notes(region: SampleRegion, holes: list[Hole]) -> tuple[str, ...]:
     notes = []
     narrow = [hole.width for hole in holes if not hole.filled and hole.width <= region.void]
     if narrow:
-        said = f"holes no wider than chance leaves between points, {len(narrow)} of up to {max(narrow):.3g}"
+        said = f"holes no wider than chance leaves between points, {len(narrow)} of up to {tell_length(max(narrow))}"
         fill = f"fill_holes {ROOM * max(narrow):.3g} would fill them"
         notes.append(f"{said}: tears, or slits that the scanner left; {fill}")
     if region.bridged:

@@ -13,6 +13,7 @@ from o3dleaf.core import journal
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.chart.flatten import require_low_distortion
 from o3dleaf.leaf.chart.petiole import Petiole, find_petiole
 from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
@@ -221,18 +222,20 @@ def _complete(fit: SurfaceFit, halves: Halves, length: float) -> tuple[SurfaceFi
     """
     whole, stretches = halves.bridged(length)
     if not stretches:
-        return fit, (f"no stretch of margin of at least {length:.4g} steps in and out again: nothing is completed",)
+        least = tell_length(length)
+        return fit, (f"no stretch of margin of at least {least} steps in and out again: nothing is completed",)
     shown = [stretch for stretch in stretches if stretch.shows_in(halves.spacing)]
     notes = [
-        f"{stretch}, but the other half's mirror image lies {stretch.beyond:.2g} beyond it where the halves differ by "
-        f"{stretch.elsewhere:.2g} elsewhere, which may be the leaf's own shape: not completed"
+        f"{stretch}, but the other half's mirror image lies {tell_length(stretch.beyond)} beyond it where the halves "
+        f"differ by {tell_length(stretch.elsewhere)} elsewhere, which may be the leaf's own shape: not completed"
         for stretch in stretches
         if stretch not in shown
     ]
     images = [mirror_points(fit, whole, stretch) for stretch in shown]
     for stretch, (points, places, misfit) in zip(shown, images, strict=True):
         fit = extend_fit(fit, points, places)
-        notes.append(f"{stretch}: completed by the mirror image, which leaves {misfit:.2g} where both halves are seen")
+        left = f"{tell_length(misfit)} where both halves are seen"
+        notes.append(f"{stretch}: completed by the mirror image, which leaves {left}")
     return fit, tuple(notes)
 
 

@@ -15,6 +15,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.chart.carry import carry_chart
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
@@ -201,8 +202,8 @@ def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -
 
 def _said(bend: Bend, raised: float, problem: SurfaceProblem, *, left: bool) -> str:
     """Return the line that says why there is more smoothing, and whether it was enough."""
-    place, spacing = tell_place(bend.place, problem.sites), problem.spacing
-    why = f"around {place} the surface bent to a radius of {bend.radius:.2g}, where points are {spacing:.2g} apart"
+    place, radius, apart = tell_place(bend.place, problem.sites), *map(tell_length, (bend.radius, problem.spacing))
+    why = f"around {place} the surface bent to a radius of {radius}, where points are {apart} apart"
     done = f"smoothing raised by {raised:g}" if raised > 1 else "smoothing kept, as more of it does not help"
     return f"{done}: {why}{'; some folds are left' if left else ''}"
 

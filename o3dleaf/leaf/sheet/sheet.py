@@ -13,6 +13,7 @@ from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.places import extent, tell_middle
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes, split_bow_ties
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.parting import other_layers
@@ -208,9 +209,10 @@ def _opened(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntA
         return vertices, triangles, ()
     slits = find_slits(vertices, triangles)
     if slits is None:
+        size = tell_length(extent(vertices))
         raise ReconstructionError(
-            f"scan: its points close around a volume at {tell_middle(vertices, vertices)}, {extent(vertices):.3g} "
-            "across, and no sheet is open there; give one side of the leaf",
+            f"scan: its points close around a volume at {tell_middle(vertices, vertices)}, {size} across, and no sheet "
+            "is open there; give one side of the leaf",
             _some(vertices),
         )
     return *split_bow_ties(vertices, triangles[slits.kept]), (slits.note,)
@@ -298,7 +300,7 @@ def _refuse_layers(points: FloatArray, sheets: OpenSheets) -> None:
         off = max(passes.apart, layers.need.max(initial=0.0))
         raise ReconstructionError(
             f"scan: is no single sheet: at {len(places)} places, most around {tell_middle(places, points)}, another "
-            f"layer lies up to {off:.3g} off; allow them to be averaged, or cut them out",
+            f"layer lies up to {tell_length(off)} off; allow them to be averaged, or cut them out",
             places,
         )
     if len(sheets.cut):

@@ -13,6 +13,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, require_triangles
+from o3dleaf.core.units import measure_in_words
 from o3dleaf.fitting.local.fitter import RefittableFits, ScatteredData
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -121,8 +122,8 @@ def verdict(followed: Followed, around: Surroundings, mesh: o3d.geometry.Triangl
             if around.everywhere:
                 why = f"{where} gaps were closed, half way between what the data have inside and outside"
         return f"the surface is closed: {why}", False
-    count, widest = len(loops.perimeter), loops.perimeter.max()
-    opened = f"the surface is open: {count} rim{'s' * (count > 1)}, the longest {widest:.3g} long"
+    count, long = len(loops.perimeter), measure_in_words(loops.perimeter.max(), followed.field.unit, digits=3)
+    opened = f"the surface is open: {count} rim{'s' * (count > 1)}, the longest {long} long"
     if around.everywhere:
         return f"{opened}; its data do not say how it closes there", True
     if around.closing:

@@ -22,6 +22,7 @@ from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import Need, in_words, need_of
 from o3dleaf.core.resume.blocks import keeping_blocks, kept
+from o3dleaf.core.units import measure_in_words
 from o3dleaf.fitting.local.fitter import Fitter
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.constraints import offset_constraints
@@ -156,7 +157,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     if len(cloud) < count:
         journal.note(f"noise exceeds the point spacing: {count:,} points were averaged to {len(cloud):,}")
     if spacing is not None:
-        need_for_mesh(cloud, spacing).require()
+        need_for_mesh(cloud, spacing, unit).require()
     with journal.stage("fit balls"):
         fit = partial(
             fit_surface,
@@ -199,7 +200,7 @@ def need_for(points: int) -> Need:
     return need_of(measured.RECONSTRUCTED_POINT * points, f"reconstruct: {points:,} points", cure)
 
 
-def need_for_mesh(cloud: OrientedCloud, spacing: float) -> Need:
+def need_for_mesh(cloud: OrientedCloud, spacing: float, unit: str | None = None) -> Need:
     """Return what the surface of a cloud takes, meshed at a spacing: three triangles a point where it is the cloud's.
 
     Raises
@@ -208,14 +209,15 @@ def need_for_mesh(cloud: OrientedCloud, spacing: float) -> Need:
         If the spacing is not above zero, or wider than the cloud.
     """
     own, size = float(np.median(cloud.point_spacing)), float(np.ptp(cloud.points, axis=0).max())
+    told = partial(measure_in_words, unit=unit, digits=3)
+    apart = f"the points are {told(own)} apart"
     if spacing > size:
-        cure = f"give a smaller one (the points are {own:.3g} apart)"
-        raise InputError(f"spacing: is {spacing:.3g}, and the cloud {size:.3g} long; {cure}")
+        cure = f"give a smaller one ({apart})"
+        raise InputError(f"spacing: is {told(spacing)}, and the cloud {told(size)} long; {cure}")
     with np.errstate(over="ignore"):
         triangles = float(PER_POINT * len(cloud) * np.square(np.float64(own) / require_positive(spacing, "spacing")))
     what = f"spacing: about {in_words(triangles)} triangles"
-    cure = f"give a larger one (the points are {own:.3g} apart)"
-    return need_of(measured.FOLLOWED_TRIANGLE * triangles, what, cure, step=spacing)
+    return need_of(measured.FOLLOWED_TRIANGLE * triangles, what, f"give a larger one ({apart})", step=spacing)
 
 
 def _trimmed(

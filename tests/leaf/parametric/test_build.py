@@ -1,5 +1,6 @@
 """Blades of known leaves: each point of a scan without noise says where the leaf ends, and noise is averaged."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.spatial import Delaunay
 import o3dleaf as o3l
 import tolerances as tol
 from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.outline_area import places_inside
 from o3dleaf.leaf.fit_quality import MAX_OUTSIDE, FitQuality
 from o3dleaf.leaf.options import BladeOptions
@@ -110,6 +112,22 @@ def test_noise_of_half_a_spacing_is_averaged():
     vertices = np.asarray(blade.extract_mesh(scan.spacing).vertices)
     distance = distance_to_mesh(*leaf.mesh(scan.spacing / 4), vertices)
     assert np.sqrt(np.mean(distance**2)) < LEFT * scan.noise
+
+
+@pytest.mark.parametrize("unit", ["m", "um"])
+def test_what_is_told_of_a_scan_has_the_same_lengths_in_every_unit(unit):
+    leaf = o3l.samples.leaf_shape("petiole")
+    scan = o3l.samples.scan_leaf(leaf, seed=2, spacing=0.8)
+    known = told_lengths(o3l.create_blade(scan.points, unit="mm").notes)
+    lengths = told_lengths(o3l.create_blade(scan.points * unit_scale("mm", unit), unit=unit).notes)
+    assert len(known) >= 2  # the petiole's length and width
+    np.testing.assert_allclose(lengths, known, rtol=tol.THREE_DIGITS)
+
+
+def told_lengths(notes):
+    """Return the lengths in words, in meters; areas are left out."""
+    told = re.findall(r"([\d.,]*\d) (nm|µm|mm|cm|m)(?![²\w])", "; ".join(notes))
+    return [float(number.replace(",", "")) * unit_scale(name, "m") for number, name in told]
 
 
 def test_a_petiole_that_was_cut_off_does_not_lie_beside_the_blade():

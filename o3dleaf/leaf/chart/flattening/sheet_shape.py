@@ -6,6 +6,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, triangle_areas
 from o3dleaf.core.places import extent, tell_place
+from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.chart.flattening.handles import shortest_handle
 from o3dleaf.surface.mesh.topology import (
     BoundaryRings,
@@ -37,7 +38,7 @@ def require_sheet(vertices: FloatArray, triangles: IntArray) -> BoundaryRings:
     loops = find_holes(vertices, triangles, edges)
     if not len(loops.edges):
         raise ReconstructionError(
-            f"chart: the surface about {tell_place(used.mean(axis=0), used)}, {extent(used):.3g} across, is "
+            f"chart: the surface about {tell_place(used.mean(axis=0), used)}, {tell_length(extent(used))} across, is "
             "closed and has no margin; a leaf's blade is one open sheet: give one side of it",
             used,
         )
@@ -47,7 +48,7 @@ def require_sheet(vertices: FloatArray, triangles: IntArray) -> BoundaryRings:
         loop = vertices[shortest_handle(vertices, triangles, edges, loops)]
         around = np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).sum()
         raise ReconstructionError(
-            f"chart: the sheet has {handles} handle(s), the smallest {around:.3g} around at "
+            f"chart: the sheet has {handles} handle(s), the smallest {tell_length(float(around))} around at "
             f"{tell_place(loop.mean(axis=0), used)}, where folds or scan passes touch, and cannot be laid flat; "
             "cut it there, or give it as one sheet",
             loop,

@@ -7,6 +7,7 @@ import shapely
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.chart.axis.sections import cut_across, normals_of, reached, resample, smooth_curve
 
 STEP = 0.5
@@ -69,8 +70,8 @@ class HiddenStretch:
     def __str__(self) -> str:
         half = "left" if self.side > 0 else "right"
         return (
-            f"the {half} margin lies {self.depth:.3g} farther in from {self.start:.4g} to {self.stop:.4g} along the "
-            "midrib"
+            f"the {half} margin lies {tell_length(self.depth)} farther in from "
+            f"{tell_length((self.start, self.stop), digits=4, join=' to ')} along the midrib"
         )
 
 

@@ -9,6 +9,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.places import tell_middle, tell_place
+from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.sheet.widths import Passes
 from o3dleaf.surface.mesh.deviation import nearest_on_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, label_nodes
@@ -141,19 +142,22 @@ class Leftovers:
             notes.append(f"{whole} pieces; the largest is used: {self._name(self.held)}")
         for rows, close, far, branch in list(zip(self.groups, near, self.distance, self.branch, strict=True))[:SHOWN]:
             kind = "another layer" if close else "another piece"
-            how = f", {far:.3g} off the sheet" if close else f", {far:.3g} away"
+            how = f", {tell_length(far)} off the sheet" if close else f", {tell_length(far)} away"
             notes.append(f"left out: {kind}, {self._name(rows)}{how}")
             if branch is not None:
                 notes.append(f"3 sheets meet at {tell_place(branch, self.scan)}")
         others = self.groups[SHOWN:]
         if others:
             count = sum(map(len, others))
-            notes.append(f"left out: {count:,} points in {len(others)} groups of {len(others[0])} or fewer")
+            groups, most = len(others), len(others[0])
+            size = f"{groups} group{'s' * (groups > 1)} of {most}{' or fewer' * (most > 1)}"
+            notes.append(f"left out: {count:,} point{'s' * (count > 1)} in {size}")
         return tuple(notes)
 
     def _name(self, rows: IntArray) -> str:
         area = len(rows) * self.spacing**2
-        return f"{len(rows):,} points (area about {area:.3g}) at {tell_middle(self.scan[rows], self.scan)}"
+        points = f"{len(rows):,} point{'s' * (len(rows) > 1)} (area about {tell_length(area, 2)})"
+        return f"{points} at {tell_middle(self.scan[rows], self.scan)}"
 
 
 def _groups(scan: FloatArray, rows: IntArray, link: float) -> tuple[IntArray, ...]:
@@ -177,17 +181,17 @@ def tell_averaging(points: FloatArray, width: FloatArray, base: float, passes: P
     """Return what is to be said of points (n, 3) averaged over a `width` (n,), wider than noise needs, `base`."""
     notes = []
     if base > 0:
-        notes.append(f"noise: points were averaged over {base:.3g} to lay the sheet through them")
+        notes.append(f"noise: points were averaged over {tell_length(base)} to lay the sheet through them")
     if len(passes.places):
         notes.append(
-            f"two layers {passes.apart:.3g} apart lie within the noise and were averaged to one: about "
+            f"two layers {tell_length(passes.apart)} apart lie within the noise and were averaged to one: about "
             f"{100 * passes.share:.2g} % of the points, around {tell_middle(passes.places, points)}"
         )
     wide = width > base
     if wide.any():
         share = 100 * wide.mean()
         notes.append(
-            f"layers that face one way were averaged over up to {width.max():.3g} to be one sheet: "
+            f"layers that face one way were averaged over up to {tell_length(float(width.max()))} to be one sheet: "
             f"{share:.2g} % of the points, around {tell_middle(points[width == width.max()], points)}"
         )
     return tuple(notes)

@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import dijkstra
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
 from o3dleaf.core.places import tell_middle, tell_place
+from o3dleaf.core.units import tell_length
 from o3dleaf.surface.mesh.topology import EdgeTable
 
 NARROW = 0.5
@@ -62,12 +63,12 @@ def find_necks(vertices: FloatArray, triangles: IntArray) -> Necks | None:
     label = np.where(nearest >= 0, label[nearest], label)
     names, part, sizes = _ranked(label, area)
     shown = "; ".join(
-        f"{size:.3g} at {tell_middle(vertices[part == name], vertices)}"
+        f"{tell_length(size, 2)} at {tell_middle(vertices[part == name], vertices)}"
         for name, size in zip(names, sizes, strict=True)
     )
     # Where all vertices of a neck lie on its rim it is still as wide as an edge, as over a gap of the scan.
     wide = np.maximum(2 * depth, edge)
-    at = ", ".join(f"{wide[place]:.2g} wide at {tell_place(vertices[place], vertices)}" for place in necks)
+    at = ", ".join(f"{tell_length(wide[place])} wide at {tell_place(vertices[place], vertices)}" for place in necks)
     return Necks(part, f"{len(names)} parts, areas about {shown}, hang together by {at}: `piece` takes one of them")
 
 

@@ -10,6 +10,7 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.pieces.minimum_cut import Links, minimum_cut
 from o3dleaf.leaf.sheet.pieces.nearer_surface import tell_by_surface
@@ -115,7 +116,7 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
     if not parted.is_narrow:
         return Resting((), where)
     if parted.length > 0:
-        where += f", and touch along at least {parted.length * spacing:.2g}"
+        where += f", and touch along at least {tell_length(parted.length * spacing)}"
     if parted.unsure:
         where += f" ({parted.unsure:,} points within the noise of both)"
     return Resting((rows[parted.above], rows[parted.below]), where)

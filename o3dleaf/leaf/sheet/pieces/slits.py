@@ -10,6 +10,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, triangle_areas
 from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_length
 from o3dleaf.surface.mesh.topology import EdgeTable, find_holes, label_nodes, label_triangles
 
 GAPS = ((2.0, 1.2, -3.3), (1.7, 2.4, 0.0), (1.5, 4.0, 3.5))
@@ -65,7 +66,7 @@ def find_slits(vertices: FloatArray, triangles: IntArray) -> Slits | None:
 
 def _told(sheet: "Sheet", slits: list[IntArray]) -> str:
     each = ", ".join(
-        f"{sheet.extent(rows):.3g} long at {tell_middle(sheet.middles[rows], sheet.middles)}" for rows in slits
+        f"{tell_length(sheet.extent(rows))} long at {tell_middle(sheet.middles[rows], sheet.middles)}" for rows in slits
     )
     return f"rolled up: cut along {len(slits)} gap(s) between margins that hold no points, {each}"
 
