@@ -73,13 +73,14 @@ def distance_mask(cloud: CloudLike, *, factor: Positive = REACH) -> Mask:
 
 
 def conservative_mask(points: FloatArray, reach: float) -> Mask:
-    """Return the function that tests which places (n, 3) share a voxel of diagonal `reach` with one of `points`.
+    """Return the function that tests which places (n, 3) are surely within `reach` of one of `points`.
 
-    Those lie within `reach` of it, which is found at a fraction of the cost of the nearest point; others may do so
-    too. Places are best given in an order in which neighbors follow one another.
+    They lie in voxels so close to one with a point that nothing of both is farther apart, as all do within
+    reach/√12 of a point; that is found at a fraction of the cost of the nearest point. Others may lie within
+    `reach` too. Places are best given in an order in which neighbors follow one another.
     """
-    # Rounding must not make a voxel of a larger diagonal.
-    side = reach / np.sqrt(3) * (1 - 1e-6)
+    # Rounding must not make voxels larger.
+    side = reach / np.sqrt(12) * (1 - 1e-6)
     low, high = box_of(points)
     shape = np.floor((high - low) / side) + 1
     if np.prod(shape) > 2.0**62:
