@@ -16,6 +16,7 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.isosurface.remembered import rows_among
 from o3dleaf.surface.reconstruction.vertex_support_loops import VoxelGrid, find_voxels, number_voxels
 
 REACH = 4.0
@@ -73,14 +74,13 @@ def distance_mask(cloud: CloudLike, *, factor: Positive = REACH) -> Mask:
 
 
 def conservative_mask(points: FloatArray, reach: float) -> Mask:
-    """Return the function that tests which places (n, 3) are surely within `reach` of one of `points`.
+    """Return the function that tests which places (n, 3) share a voxel of diagonal `reach` with one of `points`.
 
-    They lie in voxels so close to one with a point that nothing of both is farther apart, as all do within
-    reach/√12 of a point; that is found at a fraction of the cost of the nearest point. Others may lie within
-    `reach` too. Places are best given in an order in which neighbors follow one another.
+    Those lie within `reach` of it, which is found at a fraction of the cost of the nearest point; others may do so
+    too. Places are best given in an order in which neighbors follow one another.
     """
-    # Rounding must not make voxels larger.
-    side = reach / np.sqrt(12) * (1 - 1e-6)
+    # Rounding must not make a voxel of a larger diagonal.
+    side = reach / np.sqrt(3) * (1 - 1e-6)
     low, high = box_of(points)
     shape = np.floor((high - low) / side) + 1
     if np.prod(shape) > 2.0**62:
@@ -109,11 +109,19 @@ def nearest_points(tree: cKDTree, places: FloatArray) -> tuple[FloatArray, IntAr
 
 
 def nearest_data(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return what `nearest_points` does of a cloud, which remembers it: several steps ask it for the same vertices."""
+    """Return what `nearest_points` does of a cloud, which remembers it: several steps ask it for the same vertices.
+
+    So does one that has left some out: what is known of the others is not asked again.
+    """
     known = vars(data).get("_nearest")
     if known is None or not np.array_equal(known[0], places):
-        known = np.array(places), *nearest_points(data.tree, places)
-        vars(data)["_nearest"] = known
+        distance, nearest = np.empty(len(places)), np.empty(len(places), dtype=np.int64)
+        rows = np.full(len(places), -1, dtype=np.int32) if known is None else rows_among(places, known[0])
+        new = rows < 0
+        distance[new], nearest[new] = nearest_points(data.tree, places[new])
+        if known is not None:
+            distance[~new], nearest[~new] = (each[rows[~new]] for each in known[1:])
+        known = vars(data)["_nearest"] = np.array(places), distance, nearest
     progress.report(len(places), len(places))
     return known[1], known[2]
 

@@ -8,14 +8,6 @@ import numpy.typing as npt
 
 from o3dleaf.core.compiled.decorator import njit
 
-NEAR_ROWS = np.array(
-    [[0, 0, 2]]
-    + [[i, j, 1] for i, j in ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))]
-    + [[2, 0, 0], [0, 2, 0], [-2, 0, 0], [0, -2, 0]]
-)
-"""Voxels around one, all of them within 2√3 sides of any of its points, as (|i| + 1)² + (|j| + 1)² + (|k| + 1)² ≤ 12
-says: steps i and j of rows along z, likeliest first, and how many steps k they have on both sides."""
-
 
 class PointsWithNormals(NamedTuple):
     """Points (n, 3) and their normals (n, 3), or a single row of normals where they are not known."""
@@ -188,45 +180,34 @@ def find_start(keys, key):
 
 
 @njit(nogil=True, cache=True)
+def voxel_of(place, grid):
+    """Return the number of the voxel of a `VoxelGrid` that contains a place, z running fastest, or −1 outside."""
+    key = np.int64(0)
+    for axis in range(3):
+        steps = math.floor((place[axis] - grid.low[axis]) / grid.side)
+        if not 0 <= steps < grid.shape[axis]:
+            return np.int64(-1)
+        key = key * grid.shape[axis] + np.int64(steps)
+    return key
+
+
+@njit(nogil=True, cache=True)
 def number_voxels(start, stop, places, grid, keys):
-    """Write the numbers of the voxels of a `VoxelGrid` that contain places, z running fastest."""
+    """Write the numbers of the voxels of a `VoxelGrid` that contain places."""
     for n in range(start, stop):
-        key = np.int64(0)
-        for axis in range(3):
-            key = key * grid.shape[axis] + np.int64(math.floor((places[n, axis] - grid.low[axis]) / grid.side))
-        keys[n] = key
+        keys[n] = voxel_of(places[n], grid)
 
 
 @njit(nogil=True, cache=True)
 def find_voxels(start, stop, places, grid, keys, inside):
-    """Write which places are surely within 2√3 sides of a point in one of the voxels of sorted numbers `keys`."""
-    last, cell, occupied = np.full(3, -np.inf), np.empty(3), False
+    """Write which places lie in one of the voxels of sorted numbers `keys`."""
+    last, occupied = np.int64(-1), False
     for n in range(start, stop):
-        moved = False
-        for axis in range(3):
-            cell[axis] = math.floor((places[n, axis] - grid.low[axis]) / grid.side)
-            moved |= cell[axis] != last[axis]
-        if moved:
-            occupied = is_near(cell, grid.shape, keys)
-            for axis in range(3):
-                last[axis] = cell[axis]
+        key = voxel_of(places[n], grid)
+        if key != last:
+            first = find_start(keys, key)
+            last, occupied = key, first < len(keys) and keys[first] == key
         inside[n] = occupied
-
-
-@njit(nogil=True, cache=True)
-def is_near(cell, shape, keys):
-    """Return whether one of the voxels in `NEAR_ROWS` of one (3,) is among those of sorted numbers `keys`."""
-    for axis in range(3):
-        if not -2 <= cell[axis] < shape[axis] + 2:
-            return False
-    for row in NEAR_ROWS:
-        i, j, k = np.int64(cell[0]) + row[0], np.int64(cell[1]) + row[1], np.int64(cell[2])
-        if 0 <= i < shape[0] and 0 <= j < shape[1]:
-            number = (i * shape[1] + j) * shape[2]
-            first = find_start(keys, number + max(k - row[2], 0))
-            if first < len(keys) and keys[first] <= number + min(k + row[2], shape[2] - 1):
-                return True
-    return False
 
 
 @njit(nogil=True, cache=True)
