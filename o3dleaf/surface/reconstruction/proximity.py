@@ -111,19 +111,22 @@ def nearest_points(tree: cKDTree, places: FloatArray) -> tuple[FloatArray, IntAr
 def nearest_data(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, IntArray]:
     """Return what `nearest_points` does of a cloud, which remembers it: several steps ask it for the same vertices.
 
-    So does one that has left some out: what is known of the others is not asked again.
+    Some ask for part of those that another has asked for, or for more: what is known of them is not searched again.
     """
-    known = vars(data).get("_nearest")
-    if known is None or not np.array_equal(known[0], places):
-        distance, nearest = np.empty(len(places)), np.empty(len(places), dtype=np.int64)
-        rows = np.full(len(places), -1, dtype=np.int32) if known is None else rows_among(places, known[0])
+    known: tuple[FloatArray, FloatArray, IntArray] | None = vars(data).get("_nearest")
+    if known is None:
+        answer = nearest_points(data.tree, places)
+    elif np.array_equal(known[0], places):
+        answer = known[1:]
+    else:
+        rows, answer = rows_among(places, known[0]), (np.empty(len(places)), np.empty(len(places), dtype=np.int64))
         new = rows < 0
-        distance[new], nearest[new] = nearest_points(data.tree, places[new])
-        if known is not None:
-            distance[~new], nearest[~new] = (each[rows[~new]] for each in known[1:])
-        known = vars(data)["_nearest"] = np.array(places), distance, nearest
+        for whole, before, found in zip(answer, known[1:], nearest_points(data.tree, places[new]), strict=True):
+            whole[new], whole[~new] = found, before[rows[~new]]
+    if known is None or len(places) > len(known[0]) // 2:  # a few places more or less are no reason to forget many
+        vars(data)["_nearest"] = np.array(places), *answer
     progress.report(len(places), len(places))
-    return known[1], known[2]
+    return answer
 
 
 def data_around(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, IntArray]:
