@@ -691,6 +691,9 @@ CONJUGATE_GRADIENTS = 1e-5
 factor: 8e-7 seen; at a ten-thousandth of the noise they are off by up to 1e-4, with the next trial value by a
 quarter."""
 
+UNSHARPENED = 1.01
+"""Mean distance of a noisy surface's vertices from the truth, over that of vertices where its field is zero."""
+
 SLOPE_OF_PLANE = 0.05
 """Slope of the fit to a noisy plane of 900 points, relative to that of least squares: 0.04 seen; with a share that the
 fit does not know of it is off by 0.2."""
