@@ -346,7 +346,7 @@ def test_vertices_are_placed_more_exactly_than_linearly_where_no_noise_hides_it(
     for sharp in (False, True):
         vertices, _ = mesh_arrays(replace(surface, sharp=sharp).mesh())
         errors.append(np.abs(solid(vertices)).mean())
-    assert errors[0] < UNSHARPENED * errors[1] if noise else errors[1] < errors[0] / 2
+    assert errors[0] < UNSHARPENED * errors[1] if noise else errors[1] < errors[0] / 1.5
     assert NearSurface.of(fit_surface(cloud), cloud, surface.step).sharp
 
 
