@@ -136,7 +136,8 @@ def test_a_cloud_that_knows_its_tree_trims_and_supports_alike(part):
 def test_nearest_data_that_are_remembered_are_those_of_a_search():
     cloud = OrientedCloud.of(uneven(500))
     places = places_around(cloud.points, 2_000)
-    for part in (places, places[::3], places[3::-1], places[1::3], places + 1e-9, np.concatenate([places[5:], -places])):
+    parts = places, places[::3], places[3::-1], places[1::3], places + 1e-9, np.concatenate([places[5:], -places])
+    for part in parts:
         distance, nearest = nearest_data(cloud, part)
         expected = cKDTree(cloud.points).query(part)
         np.testing.assert_array_equal(distance, expected[0])

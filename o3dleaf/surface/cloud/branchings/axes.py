@@ -59,13 +59,14 @@ def find_axes(places: FloatArray, spacing: FloatArray, points: FloatArray, norma
     where it passes, least squares over the planes' distances say, those that pass by counting less and less.
     """
     offsets, rows = BallIndex.build(places, AROUND * spacing, box_of(points)).members(points)
-    found, middles, frames = np.empty(len(places), dtype=bool), np.empty((len(places), 3)), np.empty((len(places), 3, 3))
+    count = len(places)
+    found, middles, frames = np.empty(count, dtype=bool), np.empty((count, 3)), np.empty((count, 3, 3))
 
     def task(start: int, stop: int) -> None:
         planes = offsets, rows, places, spacing, points, normals
         axis_loops.find_lines(start, stop, *planes, found, middles, frames)
 
-    run_blocks(task, len(places), BLOCK)
+    run_blocks(task, count, BLOCK)
     frame = frames[found]
     across = np.ascontiguousarray(frame[:, 1:].transpose(0, 2, 1))
     return Axes(middles[found], np.ascontiguousarray(frame[:, 0]), across, spacing[found])
