@@ -686,10 +686,16 @@ left out one by one is off by a tenth or more."""
 ONE_KRYLOV_SPACE = 1e-3
 """Sums of squared errors from a Krylov space that ends at a residual of a hundredth, relative to dense inverses."""
 
-WEIGHTED_SYSTEM = 1e-10
-"""Coefficients from a system that is multiplied by the roots of the weights, over the largest, against those from one
-that is divided by them: 4e-12 seen; with the next trial value they
-are off by a quarter."""
+CONJUGATE_GRADIENTS = 1e-5
+"""Coefficients of conjugate gradients that end at a millionth of the noise, over the largest, against those of a
+factor: 8e-7 seen; at a ten-thousandth of the noise they are off by up to 1e-4, with the next trial value by a
+quarter."""
+
+PART_OF_NOISE = 1e-6
+"""Values of such a fit, over the noise: 2.4e-7 seen; with the mean taken off whole, chance too, 1.4e-3."""
+
+UNSHARPENED = 1.01
+"""Mean distance of a noisy surface's vertices from the truth, over that of vertices where its field is zero."""
 
 SLOPE_OF_PLANE = 0.05
 """Slope of the fit to a noisy plane of 900 points, relative to that of least squares: 0.04 seen; with a share that the

@@ -60,34 +60,64 @@ class Places(NamedTuple):
         return bool(2 * np.sum(~np.isnan(self.noise)) >= len(self.noise))
 
 
-def measure_places(points: FloatArray, tree: cKDTree, normals: FloatArray | None = None) -> Places:
-    """Measure the noise and the spacing of `points` (n, 3), of which `tree` is one, at some hundred of them.
+class Patches:
+    """The nearest points of some hundred places of a cloud, searched once: by other normals they are measured again.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray
+    tree : scipy.spatial.cKDTree
+        Of the points.
+    """
+
+    def __init__(self, points: FloatArray, tree: cKDTree) -> None:
+        self.points, self.tree = points, tree
+        self.rows = even_rows(len(points), SAMPLE)
+        self._known: dict[int, tuple[FloatArray, IntArray]] = {}
+
+    def nearest(self, count: int, places: IntArray) -> tuple[FloatArray, IntArray]:
+        """Return distances and rows (m, ·) of so many points nearest to some of the places (m,), by their numbers.
+
+        Of more than 256 points they are every second, fourth, ... of the cloud.
+        """
+        every = max(1, count // MAX_POINTS)
+        if count not in self._known:
+            shape = len(self.rows), count // every
+            self._known[count] = np.full(shape, np.nan), np.empty(shape, dtype=np.int64)
+        distance, row = self._known[count]
+        new = places[np.isnan(distance[places, 0])]
+        if len(new):
+            some = self.tree if every == 1 else cKDTree(self.points[::every])
+            distance[new], row[new] = query(some, self.points[self.rows[new]], k=count // every)
+            row[new] *= every
+        return distance[places], row[places]
+
+
+def measure_places(patches: Patches, normals: FloatArray | None = None) -> Places:
+    """Measure the noise and the spacing of a cloud at some hundred of its points.
 
     Of points with outward `normals` (n, 3) only those on the side of the place count: those of another sheet, however
     near, say nothing of this one.
     """
-    rows = even_rows(len(points), SAMPLE)
+    points, rows = patches.points, patches.rows
     noise, spacing = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
     for count in PATCHES:
         unknown = np.flatnonzero(np.isnan(noise))
         if count > len(points) or not len(unknown):
             break
-        every = max(1, count // MAX_POINTS)
-        some = tree if every == 1 else cKDTree(points[::every])
-        distance, used = query(some, points[rows[unknown]], k=count // every)
-        used *= every
+        distance, used = patches.nearest(count, unknown)
         residual, area, inside = _measure(points, normals, rows[unknown], used, LEAST)
         wide = distance[:, -1] >= WIDE * residual
         noise[unknown[wide]] = residual[wide]
-        counted = every * inside[wide]
+        counted = max(1, count // MAX_POINTS) * inside[wide]
         spacing[unknown[wide]] = np.sqrt(area[wide] * counted) / (counted - 1)
     return Places(points[rows], noise, spacing)
 
 
-def is_shape(points: FloatArray, tree: cKDTree, normals: FloatArray | None = None) -> bool:
-    """Return whether what quadrics leave of `points` (n, 3), as in `measure_places`, is their shape's and not noise."""
-    rows = even_rows(len(points), SAMPLE)
-    near = query(tree, points[rows], k=WIDER)[1]
+def is_shape(patches: Patches, normals: FloatArray | None = None) -> bool:
+    """Return whether what quadrics leave of a cloud, as in `measure_places`, is its shape's and not noise."""
+    points, rows = patches.points, patches.rows
+    near = patches.nearest(WIDER, np.arange(len(rows)))[1]
     narrow, wider = (_measure(points, normals, rows, near[:, :count].copy(), NARROWEST)[0] for count in (NARROW, WIDER))
     known = ~np.isnan(narrow + wider)
     return bool(known.any() and np.median(narrow[known]) < FALL * np.median(wider[known]))

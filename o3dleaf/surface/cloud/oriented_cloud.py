@@ -23,7 +23,7 @@ from o3dleaf.surface.cloud.neighbors import (
     smooth_spacings,
     spacing_classes,
 )
-from o3dleaf.surface.cloud.noise import CLEAN, PATCHES, Places, is_shape, measure_places
+from o3dleaf.surface.cloud.noise import CLEAN, PATCHES, Patches, Places, is_shape, measure_places
 from o3dleaf.surface.cloud.surfels import Surfels
 
 SIDED = ("spacing", "noise", "measured", "is_clean")
@@ -146,6 +146,11 @@ class OrientedCloud:
         return nearest_neighbors(self.tree)
 
     @cached_property
+    def patches(self) -> Patches:
+        """The nearest points of some hundred of the points, which noise and spacing are measured from."""
+        return Patches(self.points, self.tree)
+
+    @cached_property
     def surfels(self) -> Surfels:
         """The cloud at the scale at which it is a surface: its points, or under noise groups of them."""
         if len(self) < 3:
@@ -191,7 +196,7 @@ class OrientedCloud:
 
         What quadrics leave of a shape falls with their patches, which noise does not.
         """
-        return self.noise <= CLEAN * self.spacing or is_shape(self.points, self.tree, self.normals)
+        return self.noise <= CLEAN * self.spacing or is_shape(self.patches, self.normals)
 
     @property
     def is_measurable(self) -> bool:
@@ -203,7 +208,7 @@ class OrientedCloud:
         """Noise and spacing at some hundred of the points, by side where there are normals, see `measure_places`."""
         if len(self) < PATCHES[0]:
             raise InputError(f"cloud: has {len(self)} points; at least {PATCHES[0]} are needed for its noise")
-        return measure_places(self.points, self.tree, self.normals)
+        return measure_places(self.patches, self.normals)
 
     def require_normals(self) -> FloatArray:
         """Return the normals (n, 3), or raise `InputError` where there are none."""
@@ -241,7 +246,7 @@ class OrientedCloud:
         Whoever needs neighborhoods later finds them again.
         """
         _ = self.spacing, self.point_spacing
-        for name in ("neighbors", "surfels"):
+        for name in ("neighbors", "patches", "surfels"):
             vars(self).pop(name, None)
 
 

@@ -138,7 +138,23 @@ class _Memory:
             self._index(first)
 
     def _index(self, first: int = 0) -> None:
-        """Enter the places from row `first` on into the table, at most half of which is ever used."""
+        """Enter the places from row `first` on into the table."""
         if 2 * self.count > len(self.table):
-            self.table, first = np.full(1 << (2 * self.count).bit_length(), -1, dtype=np.int32), 0
+            self.table, first = _empty_table(self.count), 0
         loops.enter_rows(first, self.count, self.table, self.places)
+
+
+def rows_among(places: FloatArray, known: FloatArray) -> npt.NDArray[np.int32]:
+    """Return which of known places (m, 3) each of others (n, 3) is, to the last bit; −1 for none, and where m > 2²⁰."""
+    bits, rows = np.ascontiguousarray(known).view(np.int64), np.full(len(places), -1, dtype=np.int32)
+    if len(known) <= MAX_PLACES:
+        table = _empty_table(len(known))
+        loops.enter_rows(0, len(known), table, bits)
+        asked, starts = np.ascontiguousarray(places).view(np.int64), np.empty(0, dtype=np.int64)
+        loops.find_rows(asked, table, bits, len(known), starts, rows)
+    return rows
+
+
+def _empty_table(count: int) -> npt.NDArray[np.int32]:
+    """Return a hash table for the rows of so many places, at most half of which they use."""
+    return np.full(1 << (2 * count).bit_length(), -1, dtype=np.int32)

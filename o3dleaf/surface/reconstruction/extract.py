@@ -47,25 +47,30 @@ class NearSurface:
     followed : Continuation
     creased : bool
         Whether the field has creases.
+    sharp : bool
+        Whether vertices are placed where the field is zero, and not where it would be if it were linear along an edge
+        of the lattice: of the steps that noise asks for both are as near to the truth.
     """
 
     data: OrientedCloud
     followed: Continuation
     creased: bool
+    sharp: bool
 
     @classmethod
     def of(cls, field: PUInterpolant | RememberedField, cloud: CloudLike, spacing: float | None) -> "NearSurface":
         """Follow the surface as far as four spacings beyond the data, on a lattice of that step or of `mesh_step`."""
         data = OrientedCloud.of(cloud)
+        noisy = spacing is None and data.is_measurable and not data.is_clean
         if spacing is None:
-            noisy = data.is_measurable and not data.is_clean and not _is_thin(data)
-            noise = data.noise / data.spacing if noisy else 0.0
+            noise = data.noise / data.spacing if noisy and not _is_thin(data) else 0.0
             spacing = mesh_step(float(np.median(data.point_spacing)), len(data), noise)
         steps = as_step(require_positive(spacing, "spacing"))
         fitted = field.field if isinstance(field, RememberedField) else field
         creased = isinstance(fitted, PUInterpolant) and isinstance(fitted.local, LocalCreasedSplines)
         seeds, box = data.points, field.bounds
-        return cls(data, Continuation.of(field, steps, seeds, 0.0, within=distance_mask(data), box=box), creased)
+        continued = Continuation.of(field, steps, seeds, 0.0, within=distance_mask(data), box=box)
+        return cls(data, continued, creased, not noisy)
 
     @property
     def step(self) -> float:
@@ -87,7 +92,7 @@ class NearSurface:
 
     def mesh(self) -> o3d.geometry.TriangleMesh:
         """Return the surface with the creases of the field as edges, cut beside the lines along which sheets meet."""
-        mesh = self.followed.draw(sharpen=True, features=self.creased)
+        mesh = self.followed.draw(sharpen=self.sharp, features=self.creased)
         if self.data.branchings is not None:
             mesh = cut_at_branchings(*mesh, self.data, self.data.branchings)
         return build_mesh(*mesh)

@@ -8,6 +8,7 @@ import numpy as np
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, NotNegative, Positive, SmoothingValue, Unit
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.fitting.local.fitter import Fitter, ScatteredData
@@ -120,7 +121,7 @@ def surface_data(
     normals = cloud.require_normals()
     if local != "rbf":
         return ScatteredData.on_surface(cloud.points, normals)
-    off = constraints(cloud)
+    off = _offset(cloud, constraints)
     groups = np.concatenate([np.arange(len(cloud)), off.base])
     return ScatteredData(
         np.concatenate([cloud.points, off.sites]),
@@ -130,3 +131,11 @@ def surface_data(
         normals[groups],
         0.0 if cloud.is_clean else SHARE,
     )
+
+
+def _offset(cloud: OrientedCloud, constraints: Constrain) -> OffsetConstraints:
+    """Return the constraints off the surface of a cloud, which remembers them: a field that is corrected needs them."""
+    known: tuple[Constrain, FloatArray | None, OffsetConstraints] | None = vars(cloud).get("_offset")
+    if known is None or known[0] is not constraints or known[1] is not cloud.normals:
+        known = vars(cloud)["_offset"] = constraints, cloud.normals, constraints(cloud)
+    return known[2]

@@ -16,6 +16,7 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.isosurface.remembered import rows_among
 from o3dleaf.surface.reconstruction.vertex_support_loops import VoxelGrid, find_voxels, number_voxels
 
 REACH = 4.0
@@ -108,13 +109,24 @@ def nearest_points(tree: cKDTree, places: FloatArray) -> tuple[FloatArray, IntAr
 
 
 def nearest_data(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return what `nearest_points` does of a cloud, which remembers it: several steps ask it for the same vertices."""
-    known = vars(data).get("_nearest")
-    if known is None or not np.array_equal(known[0], places):
-        known = np.array(places), *nearest_points(data.tree, places)
-        vars(data)["_nearest"] = known
+    """Return what `nearest_points` does of a cloud, which remembers it: several steps ask it for the same vertices.
+
+    Some ask for part of those that another has asked for, or for more: what is known of them is not searched again.
+    """
+    known: tuple[FloatArray, FloatArray, IntArray] | None = vars(data).get("_nearest")
+    if known is None:
+        answer = nearest_points(data.tree, places)
+    elif np.array_equal(known[0], places):
+        answer = known[1:]
+    else:
+        rows, answer = rows_among(places, known[0]), (np.empty(len(places)), np.empty(len(places), dtype=np.int64))
+        new = rows < 0
+        for whole, before, found in zip(answer, known[1:], nearest_points(data.tree, places[new]), strict=True):
+            whole[new], whole[~new] = found, before[rows[~new]]
+    if known is None or len(places) > len(known[0]) // 2:  # a few places more or less are no reason to forget many
+        vars(data)["_nearest"] = np.array(places), *answer
     progress.report(len(places), len(places))
-    return known[1], known[2]
+    return answer
 
 
 def data_around(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -221,22 +221,26 @@ def _drop_unsupported(vertices: FloatArray, triangles: IntArray, data: OrientedC
     pieces = int(piece.max()) + 1
     of_vertex = np.empty(len(vertices), dtype=np.int64)
     of_vertex[triangles.ravel()] = np.repeat(piece, 3)
-    nearest = of_vertex[query(cKDTree(vertices), data.points)[1]]
+    tree = cKDTree(vertices, balanced_tree=False, compact_nodes=False)
+    nearest = of_vertex[query(tree, data.points)[1]]
     sampled, count = (np.bincount(nearest, some, pieces) for some in (data.point_spacing**2, None))
     area = np.bincount(piece, weights=triangle_areas(vertices, triangles))
     keep: BoolArray = (sampled > MIN_DENSITY * area) & (count >= MIN_POINTS)
     if not keep.any():
         raise ReconstructionError("trim_to_data: no component of the mesh has enough data; is the spacing too small?")
     if not keep.all():
-        _tell_of_lost(data, nearest, keep, vertices[keep[of_vertex]])
+        _tell_of_lost(data, nearest, keep, tree, keep[of_vertex])
     return drop_unused_vertices(vertices, triangles[keep[piece]]) if not keep.all() else (vertices, triangles)
 
 
-def _tell_of_lost(data: OrientedCloud, piece: IntArray, keep: BoolArray, vertices: FloatArray) -> None:
-    """Say how many data, each with its piece (n,), are left without a surface as pieces go, and where most of them."""
+def _tell_of_lost(data: OrientedCloud, piece: IntArray, keep: BoolArray, tree: cKDTree, stays: BoolArray) -> None:
+    """Say how many data, each with its piece (n,), are left without a surface as pieces go, and where most of them.
+
+    `tree` is one of all vertices, of which those of a mask stay.
+    """
     lost = np.flatnonzero(~keep[piece])
-    far = query(cKDTree(vertices), data.points[lost])[0] > data.point_spacing[lost]
-    lost = lost[far]
+    around = tree.query_ball_point(data.points[lost], data.point_spacing[lost])
+    lost = lost[[not stays[each].any() for each in around]]
     if not len(lost):
         return
     names, counts = np.unique(piece[lost], return_counts=True)

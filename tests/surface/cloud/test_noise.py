@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 from o3dleaf import OrientedCloud, estimate_noise, samples, voxel_down_sample
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.downsample import remove_tails
-from o3dleaf.surface.cloud.noise import is_shape
+from o3dleaf.surface.cloud.noise import Patches, is_shape
 from o3dleaf.surface.cloud.normals import plane_normals
 from o3dleaf.surface.cloud.parity_loops import measure_patches
 from tolerances import MEANS, NOISE_SHARE, PATCH_QUADRIC, SPACING
@@ -126,7 +126,7 @@ def test_noise_of_any_thickness_is_no_detail(thickness):
     rng = np.random.default_rng(19)
     points = np.column_stack([rng.uniform(size=(10_000, 2)), np.zeros(10_000)])
     points += [0, 0, 0.01 * thickness] * rng.normal(size=points.shape)
-    assert not is_shape(points, cKDTree(points))
+    assert not is_shape(Patches(points, cKDTree(points)))
 
 
 def test_deviations_of_patches_are_those_of_least_squares():
@@ -223,3 +223,16 @@ def test_normals_are_kept_where_points_are_off_the_planes_by_side():
     normals = np.column_stack([-1.5 * np.cos(x), np.zeros(count), np.ones(count)])
     cloud = OrientedCloud.of(points, normals)
     assert plane_normals(points, cloud.normals, cloud.neighbors.row, 0.12) is cloud.normals
+
+
+def test_patches_are_the_nearest_points_whoever_asked_before():
+    """Of the largest every eighth point of the cloud counts."""
+    points = np.random.default_rng(3).uniform(size=(6_000, 3))
+    patches = Patches(points, cKDTree(points))
+    for some in (slice(0, 40), slice(20, 90, 3), slice(None)):
+        places = np.arange(len(patches.rows))[some]
+        for count, every in ((16, 1), (256, 1), (2048, 8)):
+            expected = cKDTree(points[::every]).query(points[patches.rows[places]], k=count // every)
+            distance, row = patches.nearest(count, places)
+            np.testing.assert_array_equal(distance, expected[0])
+            np.testing.assert_array_equal(row, every * expected[1])

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from cloud_shapes import sphere
-from o3dleaf import OrientedCloud, create_from_point_cloud_rbfpu, fit_surface, mesh_report
+from o3dleaf import OrientedCloud, create_from_point_cloud_rbfpu, fit_surface, mesh_report, offset_constraints
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.journal import Journal
 from o3dleaf.core.mesh_arrays import mesh_arrays
@@ -136,6 +136,25 @@ def test_more_points_change_the_balls_that_contain_them_alone(creases):
     np.testing.assert_array_equal(changed(asked[~reached]), field(asked[~reached]))
     assert not np.array_equal(changed(asked[reached]), field(asked[reached]))
     assert changed.cover.members.max() == len(known.points)
+
+
+def test_a_field_is_corrected_by_the_constraints_that_it_was_fitted_to():
+    points, normals = lens(3000, 1.5)
+    found = []
+
+    def constraints(cloud):
+        found.append(offset_constraints(cloud))
+        return found[-1]
+
+    cloud = OrientedCloud.of(points, normals)
+    _, said = reconstructed(points, normals, constraints=constraints)
+    assert "it had run on past data" in said[0]
+    assert len(found) == 1
+    for some in (cloud, cloud.with_normals(-cloud.normals)):
+        off, data = constraints(some), surface_data(some, constraints)
+        np.testing.assert_array_equal(data.points[len(points) :], off.sites)
+        np.testing.assert_array_equal(surface_data(some, constraints).points, data.points)
+    assert len(found) == 5
 
 
 def test_sites_in_a_gap_are_no_denser_than_the_data_around_it():

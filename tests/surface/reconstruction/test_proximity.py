@@ -21,7 +21,8 @@ from o3dleaf import (
 from o3dleaf.core import progress
 from o3dleaf.core.field import values_and_gradients
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.surface.reconstruction.proximity import conservative_mask, data_around
+from o3dleaf.surface.reconstruction import proximity
+from o3dleaf.surface.reconstruction.proximity import conservative_mask, data_around, nearest_data, nearest_points
 from o3dleaf.surface.reconstruction.vertex_support import VertexSupport, support_colors
 from tolerances import CLASS_WIDTH, ONE_PASS
 
@@ -130,6 +131,31 @@ def test_a_cloud_that_knows_its_tree_trims_and_supports_alike(part):
         assert reported[-1][0] == reported[-1][1]
     alone = vertex_support(ball, OrientedCloud.of(cloud, spacing=0.06), sphere())
     assert np.array_equal(support.distance, alone.distance)
+
+
+def test_nearest_data_that_are_remembered_are_those_of_a_search():
+    cloud = OrientedCloud.of(uneven(500))
+    places = places_around(cloud.points, 2_000)
+    parts = places, places[::3], places[3::-1], places[1::3], places + 1e-9, np.concatenate([places[5:], -places])
+    for part in parts:
+        distance, nearest = nearest_data(cloud, part)
+        expected = cKDTree(cloud.points).query(part)
+        np.testing.assert_array_equal(distance, expected[0])
+        np.testing.assert_array_equal(nearest, expected[1])
+
+
+def test_nearest_data_of_vertices_that_stay_are_not_searched_again(monkeypatch):
+    cloud, asked = OrientedCloud.of(uneven(500)), []
+    places = places_around(cloud.points, 2_000)
+
+    def counted(tree, some):
+        asked.append(len(some))
+        return nearest_points(tree, some)
+
+    monkeypatch.setattr(proximity, "nearest_points", counted)
+    for part in (places, places, places[::2], np.concatenate([places[::2], places[:7] + 1])):
+        nearest_data(cloud, part)
+    assert asked == [len(places), 0, 7]
 
 
 def test_pieces_that_share_no_vertex_are_still_judged_one_by_one():

@@ -1,6 +1,7 @@
 """A surface of any cloud: true to it, open or closed as it is, every step replaceable, nothing without a word."""
 
 import warnings
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,8 +11,9 @@ import pytest
 import o3dleaf as o3l
 from o3dleaf import OrientedCloud, create_from_point_cloud_rbfpu, fit_surface, samples
 from o3dleaf.core.errors import CloudWarning, InputError
+from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.surface.reconstruction.extract import NearSurface, mesh_step
-from tolerances import CLEAN_SURFACE, KEPT_SHEET, NOISY_SURFACE, PLANE_FIELD, RIM_AREA
+from tolerances import CLEAN_SURFACE, KEPT_SHEET, NOISY_SURFACE, PLANE_FIELD, RIM_AREA, UNSHARPENED
 
 
 def legacy(points, normals=None):
@@ -331,6 +333,21 @@ def test_the_step_of_the_mesh():
     assert 1.2 < mesh_step(2.0, 40_000) < 2.0
     assert mesh_step(2.0, 5_000, 0.05) == mesh_step(2.0, 5_000)
     assert 1.2 < mesh_step(2.0, 5_000, 0.2) < mesh_step(2.0, 5_000, 0.3) < mesh_step(2.0, 5_000, 3.0) < 2.0
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.15, 0.4])
+def test_vertices_are_placed_more_exactly_than_linearly_where_no_noise_hides_it(noise):
+    solid, errors = samples.Torus(), []
+    points, normals = solid.sample(3_000, seed=5)
+    points += noise * spacing_of(points) * np.random.default_rng(6).normal(size=points.shape)
+    cloud = OrientedCloud.of(points, normals)
+    surface = NearSurface.of(fit_surface(cloud), cloud, None)
+    assert surface.sharp == (noise == 0)
+    for sharp in (False, True):
+        vertices, _ = mesh_arrays(replace(surface, sharp=sharp).mesh())
+        errors.append(np.abs(solid(vertices)).mean())
+    assert errors[0] < UNSHARPENED * errors[1] if noise else errors[1] < errors[0] / 1.5
+    assert NearSurface.of(fit_surface(cloud), cloud, surface.step).sharp
 
 
 def test_noise_lengthens_the_step_but_where_two_sides_are_near():

@@ -9,7 +9,8 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.parallel import blocks
 from o3dleaf.surface.cloud.branchings.arms import ALONG, Arms, count_arms
-from o3dleaf.surface.cloud.branchings.axes import FEWEST, Axes, find_axes
+from o3dleaf.surface.cloud.branchings.axes import Axes, find_axes
+from o3dleaf.surface.cloud.branchings.axis_loops import FEWEST
 from o3dleaf.surface.cloud.branchings.branchings import Branchings, half_gaps, join_places
 from o3dleaf.surface.cloud.neighbors import IndexArray
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
