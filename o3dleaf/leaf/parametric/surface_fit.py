@@ -17,7 +17,6 @@ from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.chart.carry import carry_chart
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
-from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 from o3dleaf.leaf.chart.flattening.untangle import untangle
 from o3dleaf.leaf.margin.margin import Margin, carry_margin
 from o3dleaf.leaf.margin.sheet_mesh import triangulate
@@ -214,9 +213,9 @@ def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> 
     rigid = relax_rigidly(single.vertices, single.triangles, single.chart)
     chart = untangle(rigid, single.triangles)
     if chart is None:
-        # A rough sheet's own chart may be tangled in places, too: from such a one there is no way without flips.
-        tangled = (chart_areas(single.chart, single.triangles) <= 0).any()
-        chart = rigid if tangled else relax_without_flips(single.vertices, single.triangles, single.chart)
+        # A rough sheet's own chart may be tangled beyond repair, too: from such a one there is no way without flips.
+        before = untangle(single.chart, single.triangles)
+        chart = rigid if before is None else relax_without_flips(single.vertices, single.triangles, before)
     relaxed = replace(laid, chart=_turned_onto(chart[of_vertex], laid.chart))
     return relaxed, relaxed.parameters(surface.jet(near, 0)[0])
 
