@@ -6,6 +6,7 @@ from scipy.optimize import linprog
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
+from o3dleaf.surface.mesh.topology import EdgeTable
 
 SWEEPS = 12
 """Over the corners of flipped triangles: each sweep can free the next ring around a knot."""
@@ -18,8 +19,7 @@ def untangle(chart: FloatArray, triangles: IntArray) -> FloatArray | None:
 
     The areas of the triangles around a vertex are linear in its place: the place where the least distance from
     the lines through their other edges is largest is a linear program of three unknowns. A chart that winds twice
-    around a vertex, as a conformal map of a ruffled sheet may, has no flipped triangle, and is not put right by
-    moving single corners.
+    around a vertex, as that of a ruffled sheet may, has no flipped triangle, and is not put right by moving it.
     """
     chart = chart.copy()
     for _ in range(SWEEPS):
@@ -36,17 +36,16 @@ def untangle(chart: FloatArray, triangles: IntArray) -> FloatArray | None:
 
 
 def winds_twice(chart: FloatArray, triangles: IntArray) -> bool:
-    """Return whether the triangles around some vertex, none of them flipped, turn by more than once around it.
-
-    Inside they turn by 2π or a multiple of it, at the border of a sheet that does not lie over itself by less.
-    """
+    """Return whether the triangles around some inner vertex, none of them flipped, turn by more than once around it."""
     turn = np.zeros(len(chart))
     for corner in range(3):
         at, after, before = (chart[triangles[:, (corner + k) % 3]] for k in range(3))
         a, b = after - at, before - at
         angle = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1))
         turn += np.bincount(triangles[:, corner], angle, len(chart))
-    return bool(turn.max(initial=0.0) > 3 * np.pi)
+    edges = EdgeTable.of(triangles)
+    turn[edges.ends[edges.count == 1]] = 0.0
+    return bool(turn.max(initial=0.0) > 3 * np.pi)  # 2π or a multiple of it
 
 
 def _most_inside(chart: FloatArray, around: IntArray, vertex: int) -> FloatArray:
