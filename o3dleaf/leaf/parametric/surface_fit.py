@@ -29,8 +29,7 @@ from o3dleaf.surface.cloud.surfels import thinned
 ROUNDS = 3
 """Fits before the last one, each at feet on the one before and in a chart flattened on it."""
 SAFE_ROUNDS = 2
-"""Of ten steps, in which a chart is relaxed without flips: it was at rest on the surface before, and is again looked at.
-"""
+"""Of ten steps without flips, in which a chart is relaxed: it was at rest on the surface before."""
 MAX_POINTS = 20_000
 """Points that the surface is fitted to; of more, means in voxels: see `leaf.paper_pipeline`."""
 FOLDED = 1 / np.pi
