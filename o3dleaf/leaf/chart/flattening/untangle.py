@@ -1,4 +1,4 @@
-"""Single flipped triangles of a chart, put right by moving one of their corners; and charts that wind around a vertex."""
+"""Flipped triangles of a chart, put right by moving single corners; and charts that wind around a vertex."""
 
 import numpy as np
 from scipy.optimize import linprog
