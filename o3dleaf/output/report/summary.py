@@ -32,7 +32,9 @@ PACKAGES = ("o3dleaf", "numpy", "scipy", "numba", "open3d", "scikit-image", "pym
 MAX_AREA = 0.01
 """Share of the blade's area that a mesh of it may lack or exceed before that is told."""
 OF_BLADE = "parts of the leaf lie closer there than the scan can tell apart"
-OF_LEAF = "its two sides lie closer there than its triangles can follow; a closed mesh without rim_radius has none"
+OF_LEAF = (
+    "parts of the leaf lie closer there than its triangles can follow; at a rim another rim_radius, or none, may help"
+)
 
 
 def summarize(
