@@ -146,8 +146,23 @@ def require_breadth(points: FloatArray, name: str) -> None:
     if breadth * len(points) < steps * length:
         raise InputError(
             f"{name}: its {len(points):,} points lie on one line, {breadth:.3g} wide and {length:.3g} long; "
-            "give the points of a surface"
+            f"{surface_wanted(points)}"
         )
+
+
+def surface_wanted(points: FloatArray) -> str:
+    """Return the cure for points (n, 3) that are no surface: of one, or not rounded to steps wider than it.
+
+    Coordinates in single precision have 24 bits, wherever the origin is.
+    """
+    single = points.astype(np.float32)
+    steps = float(np.spacing(np.abs(single).max(axis=0)).max())
+    if not np.array_equal(single, points) or steps * np.sqrt(len(points)) < np.ptp(points, axis=0).max():
+        return "give the points of a surface"
+    return (
+        f"they are in single precision, which has steps of {steps:.2g} so far from the origin: subtract one before the "
+        "file is written, or write double precision"
+    )
 
 
 def require_cloud(thing: object, name: str) -> None:

@@ -18,7 +18,6 @@ from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.chart.carry import carry_chart
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
-from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 from o3dleaf.leaf.chart.flattening.untangle import untangle
 from o3dleaf.leaf.margin.margin import Margin, carry_margin
 from o3dleaf.leaf.margin.sheet_mesh import triangulate
@@ -30,6 +29,8 @@ from o3dleaf.surface.cloud.surfels import thinned
 
 ROUNDS = 3
 """Fits before the last one, each at feet on the one before and in a chart flattened on it."""
+SAFE_ROUNDS = 2
+"""Of ten steps without flips, in which a chart is relaxed: it was at rest on the surface before."""
 MAX_POINTS = 20_000
 """Points that the surface is fitted to; of more, means in voxels: see `leaf.paper_pipeline`."""
 FOLDED = 1 / np.pi
@@ -210,16 +211,28 @@ def _said(bend: Bend, raised: float, problem: SurfaceProblem, *, left: bool) -> 
 
 def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> tuple[ChartMesh, FloatArray]:
     """Return the sheet laid onto the surface, its chart relaxed there, and the parameters (n, 2) in that chart."""
-    laid = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
-    single, of_vertex = _without_doubles(laid)
+    before = untangle(mesh.chart, mesh.triangles)
+    start = mesh.chart if before is None else before
+    laid = replace(mesh, vertices=surface.jet(start, 0)[0], chart=start)
+    chart = _relaxed_as_it_is(laid) if before is None else _relaxed(laid)
+    relaxed = replace(laid, chart=_turned_onto(chart, mesh.chart))
+    return relaxed, relaxed.parameters(surface.jet(near, 0)[0])
+
+
+def _relaxed(mesh: ChartMesh) -> FloatArray:
+    """Return the chart (n, 2) of a mesh relaxed on it, which is not tangled and does not become so."""
+    chart = untangle(relax_rigidly(mesh.vertices, mesh.triangles, mesh.chart), mesh.triangles)
+    if chart is not None:
+        return chart
+    return relax_without_flips(mesh.vertices, mesh.triangles, mesh.chart, SAFE_ROUNDS)
+
+
+def _relaxed_as_it_is(mesh: ChartMesh) -> FloatArray:
+    """Return the chart (n, 2) of a rough sheet relaxed, tangled in places as it is: no way is without flips there."""
+    single, of_vertex = _without_doubles(mesh)
     rigid = relax_rigidly(single.vertices, single.triangles, single.chart)
     chart = untangle(rigid, single.triangles)
-    if chart is None:
-        # A rough sheet's own chart may be tangled in places, too: from such a one there is no way without flips.
-        tangled = (chart_areas(single.chart, single.triangles) <= 0).any()
-        chart = rigid if tangled else relax_without_flips(single.vertices, single.triangles, single.chart)
-    relaxed = replace(laid, chart=_turned_onto(chart[of_vertex], laid.chart))
-    return relaxed, relaxed.parameters(surface.jet(near, 0)[0])
+    return (rigid if chart is None else chart)[of_vertex]
 
 
 def _without_doubles(mesh: ChartMesh) -> tuple[ChartMesh, IntArray]:

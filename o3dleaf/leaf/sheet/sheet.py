@@ -126,7 +126,10 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
         scan = OrientedCloud.of(points).points
         used = usable_rows(scan)
     with finding:
-        found, resting = _sheet_of(scan, used, one_sheet=one_sheet)
+        try:
+            found, resting = _sheet_of(scan, used, one_sheet=one_sheet)
+        except ReconstructionError as cause:
+            return _sheet_of(scan, _piece_apart(scan, used, piece, cause), one_sheet=one_sheet)[0]
         found = _with_strays(found, scan, used)
         parts, notes = _parts(scan, found, resting)
         leftovers = Leftovers.of(scan, found.rows, found.vertices, found.triangles, found.spacing, parts)
@@ -149,6 +152,20 @@ class _Solved(NamedTuple):
     rows: IntArray
     others: IntArray = np.empty(0, np.int64)
     resting: Resting | None = None
+
+
+def _piece_apart(scan: FloatArray, used: IntArray, piece: int | None, cause: ReconstructionError) -> IntArray:
+    """Return the rows of a piece that is apart from all others, where the largest makes no sheet; or raise the cause.
+
+    Where none was asked for the refusal names them: what has no sheet may be a pot, and the leaf another piece.
+    """
+    apart = Leftovers.apart(scan, used, OrientedCloud.of(scan[used]).spacing)
+    if len(apart.pieces) < 2:
+        raise cause
+    if piece is None:
+        more = f"; the scan's pieces are {apart.listed()}; give `piece` to take one"
+        raise ReconstructionError(f"{cause}{more}", cause.places) from cause
+    return apart.piece(piece)
 
 
 def _parts(scan: FloatArray, sheet: OpenSheet, resting: Resting | None) -> tuple[tuple[IntArray, ...], tuple[str, ...]]:

@@ -31,6 +31,10 @@ from o3dleaf.surface.mesh.mesh_report import mesh_report
 PACKAGES = ("o3dleaf", "numpy", "scipy", "numba", "open3d", "scikit-image", "pymeshlab", "shapely")
 MAX_AREA = 0.01
 """Share of the blade's area that a mesh of it may lack or exceed before that is told."""
+OF_BLADE = "parts of the leaf lie closer there than the scan can tell apart"
+OF_LEAF = (
+    "parts of the leaf lie closer there than its triangles can follow; at a rim another rim_radius, or none, may help"
+)
 
 
 def summarize(
@@ -83,8 +87,8 @@ def summarize(
         summary["fit"] = held.to_dict()
         if _shows_blade(leaf, settings):
             _add_area(summary["fit"], held, report["area"])
-        if leaf is None and report["self_intersections"]:
-            summary["fit"]["warnings"].append(_crossings_in_words(mesh, held.spacing))
+        if report["self_intersections"]:
+            summary["fit"]["warnings"].append(_crossings_in_words(mesh, held.spacing, OF_LEAF if leaf else OF_BLADE))
     summary["notes"] = list(blade.notes)
     if leaf is not None:
         summary["micro_structure"] = _texture_summary(leaf)
@@ -127,15 +131,12 @@ def _add_area(table: dict[str, Any], fit: FitQuality, mesh_area: float) -> None:
         )
 
 
-def _crossings_in_words(mesh: o3d.geometry.TriangleMesh, spacing: float) -> str:
-    """Return how many triangles of a blade's mesh cross others, and where."""
+def _crossings_in_words(mesh: o3d.geometry.TriangleMesh, spacing: float, why: str) -> str:
+    """Return how many triangles of a mesh cross others, where, and why."""
     vertices, triangles = mesh_arrays(mesh)
     crossing = find_crossings(vertices, triangles)
     places = find_places(vertices[triangles].mean(axis=1), crossing, spacing)
-    return (
-        f"{crossing.sum():,} triangles of the mesh cross others, {tell_places(places)}: parts of the leaf lie closer "
-        "there than the scan can tell apart"
-    )
+    return f"{crossing.sum():,} triangles of the mesh cross others, {tell_places(places)}: {why}"
 
 
 def _texture_summary(leaf: MultiscaleLeaf) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray, as_row
 from o3dleaf.core.checks.attributes import as_normals, as_weights
+from o3dleaf.core.checks.coordinates import surface_wanted
 from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.cloud_arrays import CloudLike, points_of, raw_normals
 from o3dleaf.core.errors import InputError
@@ -170,7 +171,7 @@ class OrientedCloud:
         sided = self.normals is not None and self.is_measurable
         spacing = float(np.nanmedian(self.measured.spacing if sided else self.surfels.spacing))
         if not spacing > 0:
-            raise InputError("cloud: most points lie on a line or in one place; give the points of a surface")
+            raise InputError(f"cloud: most points lie on a line or in one place; {surface_wanted(self.points)}")
         return spacing
 
     @cached_property

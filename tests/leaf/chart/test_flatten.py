@@ -5,11 +5,11 @@ import shapely
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import triangle_areas
 from o3dleaf.leaf.chart.flatten import lay_flat
-from o3dleaf.leaf.chart.flattening.embedding import convex_chart, relax_without_flips
+from o3dleaf.leaf.chart.flattening.embedding import conformal_chart, convex_chart, relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
 from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet
 from o3dleaf.leaf.chart.flattening.stretch import Stretch, chart_areas, stretch_quantiles, triangle_stretch
-from o3dleaf.leaf.chart.flattening.untangle import untangle
+from o3dleaf.leaf.chart.flattening.untangle import untangle, winds_twice
 from o3dleaf.leaf.chart.sheet_chart import chart_sheet
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, ellipse, rolled, triangulated
@@ -121,6 +121,32 @@ def test_a_vertex_that_was_moved_across_its_neighbors_is_put_back_inside(eaten):
     repaired = untangle(knotted, triangles)
     assert np.all(chart_areas(repaired, triangles) > 0)
     assert (repaired != flat).any(axis=1).sum() < 20
+
+
+def test_a_map_that_winds_twice_around_a_place_is_no_chart(eaten):
+    """z ↦ z²/|z| doubles all angles about 0: it flips nothing, and lies over itself everywhere."""
+    flat, triangles = triangulated(ellipse(40.0, 40.0), 2.0)
+    middle = flat[np.argmin(np.hypot(*(flat - [20.0, 0.0]).T))]
+    z = (flat - middle) @ [1.0, 1.0j]
+    doubled = z**2 / np.maximum(np.abs(z), 1e-9)
+    chart = np.stack([doubled.real, doubled.imag], axis=1)
+    assert np.all(chart_areas(chart, triangles) > 0)
+    assert winds_twice(chart, triangles)
+    assert untangle(chart, triangles) is None
+    # A hole is no place inside, nor are triangles at the border of a spiral.
+    for sheet, faces in (eaten, spiral(0.8)):
+        assert not winds_twice(sheet[:, :2], faces)
+
+
+def test_a_ruffled_sheet_is_laid_flat_without_winding_twice_around_a_place():
+    flat, triangles = triangulated(ellipse(90.0, 60.0), 1.5)
+    wave = 7.0 * (np.abs(flat[:, 1]) / 30) ** 3 * np.sin(2 * np.pi * flat[:, 0] / 12)
+    sheet = np.column_stack([flat, wave])
+    conformal = conformal_chart(sheet, triangles, require_sheet(sheet, triangles))
+    assert winds_twice(relax_rigidly(sheet, triangles, conformal), triangles)
+    chart = lay_flat(sheet, triangles)
+    assert np.all(chart_areas(chart, triangles) > 0)
+    assert not winds_twice(chart, triangles)
 
 
 def spiral(turns, step=1.0):

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 import tolerances as tol
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.rbf.kernels import as_kernel
-from o3dleaf.leaf.parametric import fitted
+from o3dleaf.leaf.chart.flattening.stretch import chart_areas
+from o3dleaf.leaf.parametric import fitted, surface_fit
 from o3dleaf.leaf.parametric.fitted import ChartMesh
 from o3dleaf.leaf.parametric.local_smoothing import choose_by_place
 from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface
@@ -178,12 +179,18 @@ def test_a_fit_without_folds_is_not_smoothed_more_nor_one_by_a_number(fit):
     assert fit_chart_surface(points, strip(), smoothing=0.05).notes == ()
 
 
-def test_vertices_at_one_place_of_a_chart_stay_at_one_place(scan):
+@pytest.mark.parametrize("beyond_repair", [False, True])
+def test_vertices_at_one_place_of_a_chart_are_put_apart_where_that_can_be(scan, monkeypatch, beyond_repair):
     """A vertex of a rough sheet is carried to where another one is; the triangles between have no area."""
     mesh = strip()
     one, other, _ = mesh.triangles[len(mesh.triangles) // 2]
     chart = mesh.chart.copy()
     chart[other] = chart[one]
+    if beyond_repair:
+        monkeypatch.setattr(surface_fit, "untangle", lambda chart, triangles: None)
     found = fit_chart_surface(scan[1], replace(mesh, chart=chart)).mesh.chart
     assert np.isfinite(found).all()
-    assert (found[other] == found[one]).all()
+    if beyond_repair:
+        assert (found[other] == found[one]).all()
+    else:
+        assert (chart_areas(found, mesh.triangles) > 0).all()

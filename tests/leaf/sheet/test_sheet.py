@@ -184,6 +184,26 @@ def test_what_is_no_open_sheet_is_refused_with_its_place():
         find_sheet(rng.random((2000, 3)))
 
 
+def test_beside_what_is_no_sheet_the_leaf_is_named_and_can_be_taken():
+    points = scan(flat, 3, 30.0, 10.0, 0.0)
+    rng = np.random.default_rng(0)
+    pot = rng.standard_normal((2000, 3))
+    pot = np.array([15.0, 0.0, -25.0]) + 8 * pot / np.linalg.norm(pot, axis=1, keepdims=True)
+    whole = np.concatenate([pot, points])
+    with pytest.raises(
+        ReconstructionError, match=r"close around a volume .*; the scan's pieces are 2: 1: 2,000 points"
+    ):
+        find_sheet(whole)
+    leaf = find_sheet(whole, piece=2)
+    assert_open_sheet(*_mesh(leaf))
+    assert leaf.rows.min() >= len(pot)
+    assert len(leaf.rows) > 0.98 * len(points)
+    with pytest.raises(ReconstructionError, match="close around a volume"):
+        find_sheet(whole, piece=1)
+    with pytest.raises(ReconstructionError, match="piece: is 3, but the scan has 2"):
+        find_sheet(whole, piece=3)
+
+
 def test_a_sheet_does_not_depend_on_unit_place_or_threads():
     points = scan(twisted, 10, 40.0, 12.0, 0.2)
     sheet, threads = find_sheet(points), get_num_threads()

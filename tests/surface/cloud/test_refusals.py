@@ -60,6 +60,16 @@ def test_points_on_a_line_are_no_surface(count, jitter, normals):
             o3l.create_from_point_cloud_rbfpu(cloud, prepare=lambda held: held)
 
 
+def test_a_surface_far_from_the_origin_in_single_precision_is_told_as_such():
+    """At 5,000 km single precision has steps of half a meter, in which a leaf of 80 mm is one place or two."""
+    points = np.random.default_rng(0).random((500, 3)) * [0.08, 0.08, 0.001] + [583_412.0, 5_123_877.9, 412.7]
+    with pytest.raises(InputError, match=r"single precision, .* steps of 0\.5 so far"):
+        o3l.create_from_point_cloud_rbfpu(points.astype(np.float32).astype(np.float64))
+    line = np.linspace(0, 1, 500)[:, np.newaxis] * [1.0, 0.0, 0.0]
+    with pytest.raises(InputError, match="give the points of a surface"):
+        o3l.create_from_point_cloud_rbfpu(line.astype(np.float32).astype(np.float64))
+
+
 @pytest.mark.parametrize("count", [0, 1, 3, 9, 12])
 def test_too_few_points_are_no_surface(count):
     points = np.random.default_rng(0).standard_normal((count, 3))

@@ -6,6 +6,6 @@
 `stretch`      how a chart stretches its sheet
 `anderson`     a descent in fewer steps
 `embedding`    maps of a sheet to the plane
-`untangle`     single flipped triangles put right
+`untangle`     single flipped triangles put right, and charts that wind twice around a place
 `overlap`      overlaps of a chart with itself
 """

@@ -81,10 +81,12 @@ def relax_rigidly(vertices: FloatArray, triangles: IntArray, chart: FloatArray) 
     )
 
 
-def relax_without_flips(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> FloatArray:
+def relax_without_flips(
+    vertices: FloatArray, triangles: IntArray, chart: FloatArray, rounds: int = SAFE_ROUNDS
+) -> FloatArray:
     """Return the (n, 2) chart at rest of the symmetric Dirichlet energy, which no flipped triangle can have.
 
-    Rabinovich et al. 2017 (ACM TOG 36:16), from a chart without flips.
+    Rabinovich et al. 2017 (ACM TOG 36:16), from a chart without flips; or where some rounds of ten steps bring it.
     """
     data = igl.slim_precompute(
         np.asfortranarray(vertices),
@@ -96,7 +98,7 @@ def relax_without_flips(vertices: FloatArray, triangles: IntArray, chart: FloatA
         0.0,
     )
     before, energy_of = np.inf, RigidEnergy(vertices, triangles)
-    for _ in range(SAFE_ROUNDS):
+    for _ in range(rounds):
         look_for_stop()
         chart = np.ascontiguousarray(igl.slim_solve(data, 10))
         energy = energy_of(chart)

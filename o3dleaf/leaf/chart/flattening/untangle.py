@@ -1,4 +1,4 @@
-"""Single flipped triangles of a chart, put right by moving one of their corners."""
+"""Flipped triangles of a chart, put right by moving single corners; and charts that wind around a vertex."""
 
 import numpy as np
 from scipy.optimize import linprog
@@ -6,6 +6,7 @@ from scipy.optimize import linprog
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
+from o3dleaf.surface.mesh.topology import EdgeTable
 
 SWEEPS = 12
 """Over the corners of flipped triangles: each sweep can free the next ring around a knot."""
@@ -14,16 +15,17 @@ MOST = 0.02
 
 
 def untangle(chart: FloatArray, triangles: IntArray) -> FloatArray | None:
-    """Return a chart (n, 2) without flipped triangles, few of its vertices moved; None where that does not succeed.
+    """Return a chart (n, 2) that is one to one around each place, few of its vertices moved; None without success.
 
     The areas of the triangles around a vertex are linear in its place: the place where the least distance from
-    the lines through their other edges is largest is a linear program of three unknowns.
+    the lines through their other edges is largest is a linear program of three unknowns. A chart that winds twice
+    around a vertex, as that of a ruffled sheet may, has no flipped triangle, and is not put right by moving it.
     """
     chart = chart.copy()
     for _ in range(SWEEPS):
         flipped = np.flatnonzero(~(chart_areas(chart, triangles) > 0))
         if not len(flipped):
-            return chart
+            return None if winds_twice(chart, triangles) else chart
         if len(flipped) > max(2, MOST * len(triangles)):
             return None
         for vertex in np.unique(triangles[flipped]):
@@ -31,6 +33,19 @@ def untangle(chart: FloatArray, triangles: IntArray) -> FloatArray | None:
             if (chart_areas(chart, around) <= 0).any():
                 chart[vertex] = _most_inside(chart, around, int(vertex))
     return None
+
+
+def winds_twice(chart: FloatArray, triangles: IntArray) -> bool:
+    """Return whether the triangles around some inner vertex, none of them flipped, turn by more than once around it."""
+    turn = np.zeros(len(chart))
+    for corner in range(3):
+        at, after, before = (chart[triangles[:, (corner + k) % 3]] for k in range(3))
+        a, b = after - at, before - at
+        angle = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1))
+        turn += np.bincount(triangles[:, corner], angle, len(chart))
+    edges = EdgeTable.of(triangles)
+    turn[edges.ends[edges.count == 1]] = 0.0
+    return bool(turn.max(initial=0.0) > 3 * np.pi)  # 2π or a multiple of it
 
 
 def _most_inside(chart: FloatArray, around: IntArray, vertex: int) -> FloatArray:

@@ -84,6 +84,12 @@ class Leftovers:
         together = tuple(group for part in parts for group in _groups(scan, part, LINK * spacing))
         return cls(scan, groups, tuple(distance), tuple(branch), held, spacing, together)
 
+    @classmethod
+    def apart(cls, scan: FloatArray, rows: IntArray, spacing: float) -> "Leftovers":
+        """Group points of a scan that has no sheet: the largest group stands for it."""
+        largest, *groups = _groups(scan, rows, LINK * spacing)
+        return cls(scan, tuple(groups), (np.inf,) * len(groups), (None,) * len(groups), largest, spacing)
+
     def piece(self, number: int) -> IntArray:
         """Return the rows of the N-th piece, counted from 1: the sheet or its parts, and what is apart from them.
 
