@@ -61,7 +61,7 @@ def test_what_is_beside_the_truth_is_neither_near_it_nor_it_near_that(script, sc
 def test_a_run_prints_marks_and_refusals_and_writes_them(script, scan, monkeypatch, tmp_path, capsys):
     bench, some = script("bench_leaves"), script("leaf_cases").cases(["winding", "eaten"], ["clean"], 1)
 
-    def make(points, fill_holes):
+    def make(points):
         truth = next(case for case in some if np.array_equal(case.scan().points, points)).scan().truth
         if truth.kind == "eaten":
             raise ReconstructionError("blade: eaten; give another one")
