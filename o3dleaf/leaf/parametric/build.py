@@ -137,8 +137,7 @@ def _pieces_named(scan: FloatArray, sheet: OpenSheet, options: BladeOptions) -> 
         pieces = find_sheet(scan, one_sheet=options.one_sheet).leftovers
         if pieces is None or len(pieces.pieces) < 2:
             raise
-        more = f"; the scan's pieces are {pieces.listed()}; give `piece` to take one"
-        raise ReconstructionError(f"{cause}{more}", cause.places) from cause
+        raise pieces.named_in(cause) from cause
 
 
 def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray, _Parted]:

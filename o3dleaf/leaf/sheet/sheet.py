@@ -163,8 +163,7 @@ def _piece_apart(scan: FloatArray, used: IntArray, piece: int | None, cause: Rec
     if len(apart.pieces) < 2:
         raise cause
     if piece is None:
-        more = f"; the scan's pieces are {apart.listed()}; give `piece` to take one"
-        raise ReconstructionError(f"{cause}{more}", cause.places) from cause
+        raise apart.named_in(cause) from cause
     return apart.piece(piece)
 
 

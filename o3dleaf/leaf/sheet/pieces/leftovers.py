@@ -118,6 +118,11 @@ class Leftovers:
         shown = "; ".join(f"{k}: {self._name(rows)}" for k, rows in enumerate(pieces[:LISTED], 1))
         return f"{len(pieces)}: {shown}{'; ...' if len(pieces) > LISTED else ''}"
 
+    def named_in(self, cause: ReconstructionError) -> ReconstructionError:
+        """Return a refusal that names the pieces too, to choose one of."""
+        more = f"; the scan's pieces are {self.listed()}; give `piece` to take one"
+        return ReconstructionError(f"{cause}{more}", cause.places)
+
     def beyond(self, reach: float) -> IntArray:
         """Return the rows (k,) of groups too small for a piece that lie within so many spacings of the sheet."""
         near = [
