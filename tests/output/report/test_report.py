@@ -3,11 +3,12 @@
 import json
 
 import numpy as np
-import open3d as o3d
 import pytest
 
 import o3dleaf as o3l
 from blade_fields import RolledBlade
+from leaf_fields import leaf_of, texture
+from o3dleaf.core.mesh_arrays import build_mesh
 from o3dleaf.leaf.fit_quality import FitQuality
 from o3dleaf.output.report.summary import summarize, warnings_of
 
@@ -81,20 +82,35 @@ def test_the_fit_stands_in_the_summary_with_the_area_of_the_mesh():
     assert summarize(blade, mesh, {}, fit=fit)["fit"] == summarize(blade, mesh, {}, scan=lacking)["fit"]
 
 
-def test_triangles_of_a_blade_that_cross_others_are_told_with_their_place():
-    blade = RolledBlade()
-    scan, mesh = blade.scan(0.5)[0], blade.extract_mesh(0.5)
+def pierced(mesh):
+    """Return a mesh with one more triangle, upright through one of its own."""
     vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
-    middle = len(triangles) // 2
-    corners = vertices[triangles[middle]]
+    corners = vertices[triangles[len(triangles) // 2]]
     up = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     up /= np.linalg.norm(up)
     through = corners.mean(axis=0) + 0.1 * np.array([up, -up, corners[1] - corners[0]])
-    mesh.vertices = o3d.utility.Vector3dVector(np.concatenate([vertices, through]))
-    mesh.triangles = o3d.utility.Vector3iVector(np.concatenate([triangles, len(vertices) + np.array([[0, 1, 2]])]))
-    summary = summarize(blade, mesh, {}, scan=scan)
+    more = np.concatenate([triangles, len(vertices) + np.array([[0, 1, 2]])])
+    return build_mesh(np.concatenate([vertices, through]), more)
+
+
+def test_triangles_of_a_blade_that_cross_others_are_told_with_their_place():
+    blade = RolledBlade()
+    summary = summarize(blade, pierced(blade.extract_mesh(0.5)), {}, scan=blade.scan(0.5)[0])
     (warning,) = warnings_of(summary)
     assert f"{summary['mesh']['self_intersections']} triangles of the mesh cross others, most at" in warning
+    assert "than the scan can tell apart" in warning
+
+
+def test_triangles_of_a_leaf_that_cross_others_are_told_with_their_place():
+    leaf, lift = leaf_of(texture(lambda x, y, z: 0.04 - z**2))
+    places = np.random.default_rng(0).uniform([0, -3], [20, 3], (400, 2))
+    scan, plain = lift(*places.T, np.zeros(400)), leaf.extract_mesh(0.5)
+    whole = warnings_of(summarize(leaf.blade, plain, {}, leaf=leaf, scan=scan))
+    assert not any("cross" in warning for warning in whole)
+    summary = summarize(leaf.blade, pierced(plain), {}, leaf=leaf, scan=scan)
+    (warning,) = [each for each in warnings_of(summary) if each not in whole]
+    assert f"{summary['mesh']['self_intersections']} triangles of the mesh cross others, most at" in warning
+    assert "than its triangles can follow" in warning
 
 
 def test_a_mesh_that_lacks_area_is_told_unless_it_shows_a_part():
