@@ -151,13 +151,13 @@ def require_breadth(points: FloatArray, name: str) -> None:
 
 
 def surface_wanted(points: FloatArray) -> str:
-    """Return the cure for points (n, 3) that are no surface: of one, or not rounded to steps wider than it.
+    """Return the cure for points (n, 3) that are no surface: to give those of one, or to give them more digits.
 
-    Coordinates in single precision have 24 bits, wherever the origin is.
+    Coordinates in single precision have 24 bits, so that far from the origin their steps may be as wide as the cloud.
     """
-    single = points.astype(np.float32)
+    single, extent = points.astype(np.float32), float(np.ptp(points, axis=0).max())
     steps = float(np.spacing(np.abs(single).max(axis=0)).max())
-    if not np.array_equal(single, points) or steps * np.sqrt(len(points)) < np.ptp(points, axis=0).max():
+    if not np.array_equal(single, points) or not 0 < extent <= steps * np.sqrt(len(points)):
         return "give the points of a surface"
     return (
         f"they are in single precision, which has steps of {steps:.2g} so far from the origin: subtract one before the "

@@ -29,8 +29,9 @@ from o3dleaf.surface.cloud.surfels import thinned
 
 ROUNDS = 3
 """Fits before the last one, each at feet on the one before and in a chart flattened on it."""
-SAFE_ROUNDS = 2
-"""Of ten steps without flips, in which a chart is relaxed: it was at rest on the surface before."""
+ROUNDS_AGAIN = 2
+"""Of ten steps without flips, in which a chart that was at rest on the surface before is relaxed on the next: more of
+them take most of a ruffled leaf's time."""
 MAX_POINTS = 20_000
 """Points that the surface is fitted to; of more, means in voxels: see `leaf.paper_pipeline`."""
 FOLDED = 1 / np.pi
@@ -224,7 +225,7 @@ def _relaxed(mesh: ChartMesh) -> FloatArray:
     chart = untangle(relax_rigidly(mesh.vertices, mesh.triangles, mesh.chart), mesh.triangles)
     if chart is not None:
         return chart
-    return relax_without_flips(mesh.vertices, mesh.triangles, mesh.chart, SAFE_ROUNDS)
+    return relax_without_flips(mesh.vertices, mesh.triangles, mesh.chart, ROUNDS_AGAIN)
 
 
 def _relaxed_as_it_is(mesh: ChartMesh) -> FloatArray:

@@ -68,6 +68,8 @@ def test_a_surface_far_from_the_origin_in_single_precision_is_told_as_such():
     line = np.linspace(0, 1, 500)[:, np.newaxis] * [1.0, 0.0, 0.0]
     with pytest.raises(InputError, match="give the points of a surface"):
         o3l.create_from_point_cloud_rbfpu(line.astype(np.float32).astype(np.float64))
+    with pytest.raises(InputError, match="give the points of a surface"):
+        _ = o3l.OrientedCloud.of(np.ones((100, 3))).spacing
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 9, 12])

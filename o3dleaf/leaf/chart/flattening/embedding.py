@@ -86,7 +86,8 @@ def relax_without_flips(
 ) -> FloatArray:
     """Return the (n, 2) chart at rest of the symmetric Dirichlet energy, which no flipped triangle can have.
 
-    Rabinovich et al. 2017 (ACM TOG 36:16), from a chart without flips; or where some rounds of ten steps bring it.
+    Rabinovich et al. 2017 (ACM TOG 36:16), from a chart without flips; after so many `rounds` of ten steps where it
+    does not come to rest before.
     """
     data = igl.slim_precompute(
         np.asfortranarray(vertices),

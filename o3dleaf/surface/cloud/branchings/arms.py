@@ -7,7 +7,9 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.surface.cloud.branchings.axes import Axes, pairs_within
+from o3dleaf.core.checks.coordinates import box_of
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.surface.cloud.branchings.axes import Axes
 from o3dleaf.surface.cloud.neighbors import IndexArray
 
 INNER, OUTER, ALONG = 1.5, 4.5, 4.0
@@ -61,7 +63,7 @@ class _Ring(NamedTuple):
 
     @classmethod
     def of(cls, axes: Axes, tree: cKDTree) -> "_Ring":
-        owner, row = pairs_within(tree.data, axes.point, np.hypot(OUTER, ALONG) * axes.spacing)
+        owner, row = _pairs_within(tree.data, axes.point, np.hypot(OUTER, ALONG) * axes.spacing)
         arm = (tree.data[row] - axes.point[owner]) / axes.spacing[owner, np.newaxis]
         along = np.einsum("pi,pi->p", arm, axes.direction[owner])
         place = np.einsum("pi,pij->pj", arm, axes.across[owner])
@@ -168,3 +170,9 @@ def _least_angle(heading: npt.NDArray[np.float64]) -> FloatArray:
     around = ordered[:, 0] + 2 * np.pi - last
     gaps = np.column_stack([np.diff(ordered, axis=1), around])
     return np.asarray(np.min(np.where(np.isnan(gaps), np.inf, gaps), axis=1))
+
+
+def _pairs_within(points: FloatArray, places: FloatArray, reach: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Return for all of the points (n, 3) within the `reach` (m,) of places (m, 3) the place's row and the point's."""
+    offsets, inside = BallIndex.build(places, reach, box_of(points)).members(points)
+    return np.repeat(np.arange(len(places)), np.diff(offsets)), inside

@@ -46,12 +46,6 @@ class Axes(NamedTuple):
         return Axes(self.point[rows], self.direction[rows], self.across[rows], self.spacing[rows])
 
 
-def pairs_within(points: FloatArray, places: FloatArray, reach: FloatArray) -> tuple[IndexArray, IndexArray]:
-    """Return for all of the points (n, 3) within the `reach` (m,) of places (m, 3) the place's row and the point's."""
-    offsets, inside = BallIndex.build(places, reach, box_of(points)).members(points)
-    return np.repeat(np.arange(len(places)), np.diff(offsets)), inside
-
-
 def find_axes(places: FloatArray, spacing: FloatArray, points: FloatArray, normals: FloatArray) -> Axes:
     """Return the lines near some of the places (m, 3) that the planes at points (n, 3) around them pass through.
 
