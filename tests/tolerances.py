@@ -695,8 +695,8 @@ PART_OF_NOISE = 1e-6
 """Values of such a fit, over the noise: 2.4e-7 seen; with the mean taken off whole, chance too, 1.4e-3."""
 
 UNSHARPENED = 1.01
-"""Mean distance of a noisy surface's vertices from the truth, over that of vertices where its field is zero: 0.97 found;
-of a clean surface 2.1."""
+"""Mean distance of a noisy surface's vertices from the truth, over that of vertices where its field is zero: 0.97
+found; of a clean surface 2.1."""
 
 SLOPE_OF_PLANE = 0.05
 """Slope of the fit to a noisy plane of 900 points, relative to that of least squares: 0.04 seen; with a share that the
