@@ -125,8 +125,8 @@ def solve_positive_rows(matrix, right):
     if fit:
         solve_rows(lower, right)
         return
-    for row in right:
-        solve_positive(matrix, row)
+    for k in range(len(right)):  # not `for row in right`: Numba takes such rows for strided ones, and warns
+        solve_positive(matrix, right[k])
 
 
 @njit(nogil=True, cache=True)
