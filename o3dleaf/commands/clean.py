@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from o3dleaf.core.arguments.kinds import Count, NotNegative, Positive, Whole
 from o3dleaf.core.jobs.job import LongJob
@@ -37,6 +37,8 @@ UNIT = "the mesh's unit"
 class CleaningOptions:
     """The arguments of `clean_mesh`."""
 
+    HEADING: ClassVar = "Cleaning"
+
     merge: NotNegative = option(0.0, "Merge vertices up to this distance apart", unit=UNIT)
     smallest_component: NotNegative = option(0.0, "Remove components of less than this diameter", unit=UNIT)
     smallest_area: NotNegative = option(0.0, "Remove components of less than this area", unit=f"the square of {UNIT}")
@@ -60,9 +62,9 @@ class CleanJob(CleaningOptions, LongJob):
 
     mesh: Path = argument("Mesh to clean: PLY, OBJ, STL or OFF.", reads=True)
     output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
-    triangles: Count | None = option(None, "Then simplify to about this many triangles.", unless=("edge",))
-    edge: Positive | None = option(None, "Or to this mean edge length", unit=UNIT)
-    deviation: Positive | None = option(None, "Or simplify with at most this deviation of the surface", unit=UNIT)
+    triangles: Count | None = option(None, "Simplify to about this many triangles, after cleaning.", unless=("edge",))
+    edge: Positive | None = option(None, "Simplify to this mean edge length", unit=UNIT)
+    deviation: Positive | None = option(None, "Simplify with at most this deviation of the surface", unit=UNIT)
 
     def estimate(self) -> "list[Need]":
         """Return what the triangles of the file take."""

@@ -31,7 +31,7 @@ class InfoJob(UnitOption, Job):
     crop: Any = option(None, CROP_HELP, kind=str, parse=parse_box, unit="unit", needs=("volume_file",))
     level: Finite | str = option(
         "mixture",
-        "Of a volume's surface: a number, 'mixture', 'valley' or 'otsu'.",
+        "Intensity of a volume's surface: a number, or how the histogram tells it, 'mixture', 'valley' or 'otsu'.",
         kind=str,
         parse=number_or_word,
         needs=("volume_file",),

@@ -3,7 +3,7 @@
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.errors import InputError, UnitError
@@ -52,6 +52,8 @@ def require_box(box: Any, name: str) -> None:
 class CtOptions(TextureOptions):
     """Options for reading a micro-CT volume and for the texture made of it."""
 
+    HEADING: ClassVar = "Micro-CT volume"
+
     ct_unit: Unit | None = option(
         None, "Unit of the volume's coordinates; lengths stated in its file are converted.", **OF_VOLUME
     )
@@ -65,7 +67,10 @@ class CtOptions(TextureOptions):
     )
     remove_rings: bool = option(False, "Remove rings, and cupping, around the scanner's axis along z.", **OF_VOLUME)
     ring_axis: tuple[float, float] | None = option(
-        None, "X Y of that axis (the middle of the file's slices, by default)", unit="ct-unit", needs=("remove_rings",)
+        None,
+        "X Y of the rings' axis (the middle of the file's slices, by default)",
+        unit="ct-unit",
+        needs=("remove_rings",),
     )
 
     @staticmethod

@@ -5,7 +5,7 @@ A field made by `option` is an option of the commands too; the others are for Py
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -78,6 +78,8 @@ class BladeOptions:
         Of frame "paper": direction along which the heights of the micro-structure are measured, see `HeightMapBlade`.
     """
 
+    HEADING: ClassVar = "Blade"
+
     def check_frame(self) -> None:
         """Refuse an unknown frame, and options that it would not look at.
 
@@ -133,7 +135,7 @@ class BladeOptions:
         needs=("ct",),
         unless=("remesh", "remesh_tile"),
     )
-    hair_seed: Whole = option(0, "Of the hairs that are kept.", needs=("hair_density",))
+    hair_seed: Whole = option(0, "Random seed: which hairs are kept.", needs=("hair_density",))
     alpha: Positive | None = option(
         None, "With frame 'paper': radius of the alpha-shape (chosen from the scan if not given)", unit="scan-unit"
     )
@@ -166,6 +168,8 @@ class TextureOptions:
         Of Wang tiles: which ones, and where they lie.
     """
 
+    HEADING: ClassVar = "Micro-structure"
+
     def check_tiles(self) -> None:
         """Refuse what tiles of the other kind alone can have.
 
@@ -182,7 +186,7 @@ class TextureOptions:
 
     level: Finite | str = option(
         "mixture",
-        "Of the surface: a number, 'mixture', 'valley' or 'otsu'.",
+        "Intensity of the surface: a number, or how the histogram tells it, 'mixture', 'valley' or 'otsu'.",
         kind=str,
         parse=number_or_word,
         **OF_VOLUME,
@@ -212,7 +216,7 @@ class TextureOptions:
         **OF_VOLUME,
         unless=("saved_leaf",),
     )
-    seed: Whole = option(0, "Of Wang tiles: which ones, and where they lie.", needs=("tiles=wang",))
+    seed: Whole = option(0, "Random seed of Wang tiles: which ones, and where they lie.", needs=("tiles=wang",))
 
     @property
     def wang(self) -> bool:

@@ -69,6 +69,26 @@ def test_a_new_option_of_leaf_is_one_line(tmp_path):
     }
 
 
+def test_the_help_shows_options_under_the_headings_of_their_classes():
+    """Those of the job's own class stand under none; a class that adds to another's has its own heading, or none."""
+    headings = {name: one.heading for name, (_, one) in options_of(ShadedLeafJob).items()}
+    shown = {name: headings[name] for name in ("shade", "ct", "spacing", "scan_unit", "rim_radius", "level", "ct_unit")}
+    assert shown == {
+        "shade": None,
+        "ct": None,
+        "spacing": "Mesh",
+        "scan_unit": "Input",
+        "rim_radius": "Blade",
+        "level": "Micro-structure",
+        "ct_unit": "Micro-CT volume",
+    }
+    pages = re.split("╭─ ", invoke(ShadedLeafJob, "--help").stdout)
+    under = {page.partition(" ─")[0]: page for page in pages}
+    assert "--shade" in under["Options"]
+    assert "--shade" not in under["Mesh"]
+    assert "--spacing" in under["Mesh"]
+
+
 def test_a_command_line_becomes_the_job():
     given = {"meshes": [Path("a.ply")], "output": Path("b.ply"), "color": "brown", "dots": ["1", "2.5"], "mask": None}
     job = job_of(PaintJob, given)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from o3dleaf.core.arguments.kinds import Count, Positive, Whole
 from o3dleaf.core.errors import InputError
@@ -27,6 +27,8 @@ GRAVITY = 9.81
 class DropletOptions:
     """A droplet, and where it lands: lengths in millimeters, the place in the leaf's coordinates."""
 
+    HEADING: ClassVar = "Droplet"
+
     at: tuple[float, float] | None = option(
         None, "Place where the droplet lands, ALONG ACROSS in leaf coordinates.", **OF_DROP
     )
@@ -46,7 +48,7 @@ class DropletOptions:
         "--points",
         **OF_CASE,
     )
-    seed: Whole = option(0, "Of their choice.", **OF_CASE)
+    seed: Whole = option(0, "Random seed of the landing places.", **OF_CASE)
 
     def check_case(self, job: Any) -> None:
         """Refuse, of the export that these are options of, what a case cannot be made of."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from o3dleaf.core import journal
 from o3dleaf.core.arguments.kinds import Positive
@@ -34,6 +34,8 @@ OF_MICRO_STRUCTURE: dict[str, Any] = {"needs": ("ct",), "unless": ("fine",)}
 class MeshOptions(ScanOptions):
     """Options for the mesh of a leaf."""
 
+    HEADING: ClassVar = "Mesh"
+
     spacing: Positive | None = option(
         None, "Mesh spacing (the scan's, or what shows the micro-structure, if not given)", unit="scan-unit"
     )
@@ -49,7 +51,7 @@ class MeshOptions(ScanOptions):
         None, "Mesh a window around this point of the world instead: X Y Z", unit="scan-unit", unless=("fine",)
     )
     window: Positive | None = option(
-        None, "Width of that window (3 mm if not given)", unit="scan-unit", needs=("around",)
+        None, "Width of the window around a point (3 mm if not given)", unit="scan-unit", needs=("around",)
     )
     closed: bool = option(False, "One solid with a rim, instead of two open sheets.", needs=("ct",))
     fine: tuple[tuple[float, ...], ...] = option(
@@ -64,7 +66,10 @@ class MeshOptions(ScanOptions):
         None, "Remesh to this edge length, for solvers", unit="scan-unit", **OF_MICRO_STRUCTURE
     )
     remesh_tile: Positive | None = option(
-        None, "Or remesh one tile, which the mesh repeats, to this edge length", unit="scan-unit", **OF_MICRO_STRUCTURE
+        None,
+        "Remesh one tile, which the mesh repeats, to this edge length (sooner done than the leaf)",
+        unit="scan-unit",
+        **OF_MICRO_STRUCTURE,
     )
     method: str = option(
         "cubes",

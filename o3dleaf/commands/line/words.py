@@ -54,7 +54,11 @@ def _parameter(name: str, field: Field[Any], known: Option, annotated: Any) -> i
         default = inspect.Parameter.empty
     elif default is None:
         kind |= None
-    info = typer.Argument(help=known.text) if known.positional else typer.Option(*known.flags, help=known.text)
+    info = (
+        typer.Argument(help=known.text)
+        if known.positional
+        else typer.Option(*known.flags, help=known.text, rich_help_panel=known.heading)
+    )
     annotation = Annotated[kind, info]
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 

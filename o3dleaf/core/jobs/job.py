@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from inspect import getdoc
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from o3dleaf.core.arguments.allowed import require
 from o3dleaf.core.arguments.annotations import rules_of
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, kw_only=True)
 class Job(ABC):
     """The request of a command; its docstring and its fields are the command's help."""
+
+    HEADING: ClassVar = "Resources"
 
     memory: str | None = option(
         None, "Memory to hold at most, such as 2GB (what the machine has, by default); more is refused before the work."
@@ -131,6 +133,8 @@ class Job(ABC):
 @dataclass(frozen=True, kw_only=True)
 class LongJob(Job):
     """A job that takes a while: on several threads, with its progress shown."""
+
+    HEADING: ClassVar = "Resources"
 
     threads: int | None = option(None, "Threads; all cores by default. Results do not depend on it.")
     quiet: bool = option(False, "Show no progress.", "--quiet", "-q")

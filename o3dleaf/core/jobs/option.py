@@ -1,7 +1,8 @@
 """Options: fields of a job, with what the command line says of them."""
 
 from collections.abc import Callable
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields, replace
+from inspect import get_annotations
 from pkgutil import resolve_name
 from typing import Any
 
@@ -38,6 +39,8 @@ class Option:
         those that the job has not do not count.
     unless : tuple of str
         Options, or properties of the job, beside which it cannot act.
+    heading : str, optional
+        Under which the help shows it: `HEADING` of the class that declares it, where that has one.
     """
 
     text: str
@@ -50,6 +53,7 @@ class Option:
     writes: Names | None = None
     needs: tuple[str, ...] = ()
     unless: tuple[str, ...] = ()
+    heading: str | None = None
 
 
 def option(default: Any, text: str, *flags: str, unit: str | None = None, **more: Any) -> Any:
@@ -71,13 +75,13 @@ def output(suffixes: Names) -> Any:
 
 def options_of(job: type) -> dict[str, tuple[Field[Any], Option]]:
     """Return the options of a job by name: its own first, those that jobs share last."""
-    known = {each.name: each for each in fields(job)}
-    names = [name for kind in job.__mro__ for name in vars(kind).get("__annotations__", ())]
-    return {
-        name: (known[name], known[name].metadata["option"])
-        for name in names
-        if name in known and "option" in known[name].metadata
-    }
+    known = {each.name: each for each in fields(job) if "option" in each.metadata}
+    options: dict[str, tuple[Field[Any], Option]] = {}
+    for kind in job.__mro__:
+        for name in filter(known.__contains__, get_annotations(kind)):
+            one = replace(known[name].metadata["option"], heading=vars(kind).get("HEADING"))
+            options.setdefault(name, (known[name], one))
+    return options
 
 
 def table(names: Names) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from o3dleaf.core.arguments.kinds import Count, Unit
 from o3dleaf.core.jobs.option import option
@@ -10,6 +11,8 @@ from o3dleaf.core.jobs.option import option
 @dataclass(frozen=True, kw_only=True)
 class ResumeOption:
     """Whether a long job keeps what it has finished, and goes on from it."""
+
+    HEADING: ClassVar = "Resources"
 
     resume: bool = option(
         False,
@@ -22,6 +25,8 @@ class ResumeOption:
 @dataclass(frozen=True, kw_only=True)
 class ClusterOptions:
     """Whether a job is done by this process alone, or by the workers of a Dask cluster."""
+
+    HEADING: ClassVar = "Resources"
 
     workers: Count | None = option(
         None, "Processes of this machine that work side by side, with Dask; left out, this process does it alone."
@@ -42,12 +47,16 @@ class ClusterOptions:
 class UnitOption:
     """The unit of files that do not say theirs."""
 
+    HEADING: ClassVar = "Input"
+
     unit: Unit | None = option(None, "Unit of the coordinates: m, cm, mm, um or nm.", unless=("saved_model",))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnsOption:
     """The columns of a text file of points that does not name them, or names them otherwise."""
+
+    HEADING: ClassVar = "Input"
 
     columns: str | None = option(
         None, "Columns of points in text, such as 'x y z nx ny nz'; by default those that the file names, or x y z."
@@ -57,6 +66,8 @@ class ColumnsOption:
 @dataclass(frozen=True, kw_only=True)
 class ScanOptions:
     """Midrib and unit of a scan."""
+
+    HEADING: ClassVar = "Input"
 
     midrib: Path | None = option(
         None, "Control points from base to tip; computed if not given.", reads=True, unless=("saved_leaf",)
