@@ -58,9 +58,10 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     gc.disable()
     config.addinivalue_line("markers", "slow: takes long, and runs with --slow only")
-    config.addinivalue_line(
-        "markers", "skip_xp_backends: of SciPy's tests, which tests/fitting/rbf/test_scipy_suite.py runs"
-    )
+    for mark in ("skip_xp_backends", "uses_xp_capabilities"):
+        config.addinivalue_line(
+            "markers", f"{mark}: of SciPy's tests, which tests/fitting/rbf/test_scipy_suite.py runs"
+        )
     signal.signal(signal.SIGINT, signal.default_int_handler)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # what workers and programs load
     threadpool_limits(1, user_api="blas")  # what is loaded

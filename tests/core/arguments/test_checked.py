@@ -8,6 +8,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 import pytest
+from typing_extensions import TypeAliasType
 
 from o3dleaf.core.arguments.allowed import require
 from o3dleaf.core.arguments.annotations import rule_of
@@ -34,6 +35,7 @@ CASES = [
     (str, ["", "a"], [b"a", None, 3, "a\0b"]),
     (str | Path, ["a", Path("b")], [b"a", None, "", "a\0b"]),
     (float | None, [None, 1.0], ["None", "1"]),
+    (TypeAliasType("Length", float), [1.0], ["1", None]),  # what `type Length = float` makes since Python 3.12
     (Literal["auto", False] | float, ["auto", False, 2], ["no", True, None]),
     (tuple[float, float], [(1, 2), [1.0, 2.0], np.ones(2)], [(1,), (1, 2, 3), "12", 1.0, (1, "2"), {1.0, 2.0}]),
     (Sequence[str], [("a",), ["b"], []], ["ab", ["a", 1], 3, {"a": 1}]),
@@ -65,7 +67,16 @@ def test_an_annotation_tells_what_is_taken(annotation, good, bad):
 
 
 @pytest.mark.parametrize(
-    "annotation", [Any, object, npt.ArrayLike, float | npt.ArrayLike, np.ndarray, npt.NDArray[Any]]
+    "annotation",
+    [
+        Any,
+        object,
+        npt.ArrayLike,
+        float | npt.ArrayLike,
+        TypeAliasType("Rows", npt.ArrayLike),
+        np.ndarray,
+        npt.NDArray[Any],
+    ],
 )
 def test_of_arrays_an_annotation_tells_nothing(annotation):
     assert rule_of(annotation) is None
