@@ -57,7 +57,9 @@ def nearest_neighbors(tree: cKDTree, *, batch: int = BATCH_SIZE) -> Neighborhood
     """Return the 16 nearest points (fewer if there are fewer) of each point of a tree, itself among them."""
     points, count = tree.data, min(NEIGHBORS, tree.n)
     # In the tree's own order, successive queries are neighbors in memory: three times faster.
-    order = tree.indices
+    order = (
+        tree.indices.copy()
+    )  # since SciPy 1.18 what a tree holds is read-only, and compiled code takes such for others
     distance, row = np.empty((len(points), count)), np.empty((len(points), count), dtype=np.int64)
     for first, last in blocks(len(order), batch):
         queried = order[first:last]

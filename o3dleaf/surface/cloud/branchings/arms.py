@@ -63,8 +63,9 @@ class _Ring(NamedTuple):
 
     @classmethod
     def of(cls, axes: Axes, tree: cKDTree) -> "_Ring":
-        owner, row = _pairs_within(tree.data, axes.point, np.hypot(OUTER, ALONG) * axes.spacing)
-        arm = (tree.data[row] - axes.point[owner]) / axes.spacing[owner, np.newaxis]
+        points = tree.data.copy()  # since SciPy 1.18 it is read-only, and compiled code takes such for others
+        owner, row = _pairs_within(points, axes.point, np.hypot(OUTER, ALONG) * axes.spacing)
+        arm = (points[row] - axes.point[owner]) / axes.spacing[owner, np.newaxis]
         along = np.einsum("pi,pi->p", arm, axes.direction[owner])
         place = np.einsum("pi,pij->pj", arm, axes.across[owner])
         radius = np.linalg.norm(place, axis=1)
