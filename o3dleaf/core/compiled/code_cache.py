@@ -57,10 +57,13 @@ class CodeCache(_Cache):
         rtsys.initialize(target_context)
         name, key = self._name_and_key(sig, target_context.codegen())
         payload = None if _only_folder else code_files.read_code(SHIPPED / name, key)
-        if payload is None and (folder := _writable_folder(self._function)) is not None:
+        folder = None if payload is not None else _writable_folder(self._function)
+        if folder is not None:
             payload = code_files.read_code(folder / name, key)
         if payload is None:
-            _tell_once(target_context.codegen())
+            _tell_other_processor(target_context.codegen())
+            if folder is None:
+                _tell_not_kept()
             return None
         return self._unpack(payload, target_context)
 
@@ -126,21 +129,33 @@ def made_for(generator: LevelCodegen) -> str:
 
 
 @cache
-def _tell_once(generator: LevelCodegen) -> None:
+def _tell_other_processor(generator: LevelCodegen) -> None:
     """Say so, if the package brings machine code, but for something else than this process."""
     try:
         brought = (SHIPPED / MADE_FOR).read_text(encoding="utf-8")
     except OSError:
         return
     if brought != made_for(generator):
-        text = (
+        _tell(
             f"the machine code that came with this package is for {brought}, not for {made_for(generator)}: functions "
             "are compiled when they are first called, which takes minutes once; `o3dleaf warm-up` does it on all cores"
         )
-        if open_journal() is None:
-            warnings.warn(text, CodeWarning, stacklevel=2)
-        else:
-            note(text)
+
+
+@cache
+def _tell_not_kept() -> None:
+    """Say once that what is compiled here is lost at the end."""
+    _tell(
+        "functions are compiled when they are first called, which takes minutes, and cannot be kept for the next time: "
+        "neither the package's folder nor the user's cache can be written to; set NUMBA_CACHE_DIR to a folder that can"
+    )
+
+
+def _tell(text: str) -> None:
+    if open_journal() is None:
+        warnings.warn(text, CodeWarning, stacklevel=2)
+    else:
+        note(text)
 
 
 def keep_in(folder: Path) -> None:

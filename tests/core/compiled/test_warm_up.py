@@ -49,8 +49,8 @@ def test_a_shipped_folder_holds_what_python_calls_and_what_it_is_for(lines, tmp_
 def test_code_for_something_else_is_not_loaded_and_a_line_says_so(tmp_path, monkeypatch):
     (tmp_path / code_cache.MADE_FOR).write_text("Numba 0.67.0, x86-64-v9")
     monkeypatch.setattr(code_cache, "SHIPPED", tmp_path)
-    monkeypatch.setattr(code_cache, "_writable_folder", lambda function: None)
-    code_cache._tell_once.cache_clear()
+    monkeypatch.setattr(code_cache, "_writable_folder", lambda function: tmp_path)
+    code_cache._tell_other_processor.cache_clear()
     cache = code_cache.CodeCache(radial_loops.dot.py_func)
     _, signature = signatures.read(LINES[0])
     with pytest.warns(CodeWarning, match=r"is for Numba 0.67.0, x86-64-v9, not for .*o3dleaf warm-up"):
@@ -58,16 +58,30 @@ def test_code_for_something_else_is_not_loaded_and_a_line_says_so(tmp_path, monk
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # once
         assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
-    code_cache._tell_once.cache_clear()
+    code_cache._tell_other_processor.cache_clear()
 
 
 def test_where_no_code_came_with_the_package_nothing_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(code_cache, "SHIPPED", tmp_path / "none")
-    monkeypatch.setattr(code_cache, "_writable_folder", lambda function: None)
-    code_cache._tell_once.cache_clear()
+    monkeypatch.setattr(code_cache, "_writable_folder", lambda function: tmp_path)
+    code_cache._tell_other_processor.cache_clear()
     _, signature = signatures.read(LINES[0])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         cache = code_cache.CodeCache(radial_loops.dot.py_func)
         assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
-    code_cache._tell_once.cache_clear()
+    code_cache._tell_other_processor.cache_clear()
+
+
+def test_where_no_code_can_be_kept_a_line_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(code_cache, "SHIPPED", tmp_path / "none")
+    monkeypatch.setattr(code_cache, "_writable_folder", lambda function: None)
+    code_cache._tell_not_kept.cache_clear()
+    cache = code_cache.CodeCache(radial_loops.dot.py_func)
+    _, signature = signatures.read(LINES[0])
+    with pytest.warns(CodeWarning, match=r"cannot be kept .*NUMBA_CACHE_DIR"):
+        assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # once
+        assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
+    code_cache._tell_not_kept.cache_clear()
