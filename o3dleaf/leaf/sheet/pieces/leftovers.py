@@ -195,8 +195,8 @@ def tell_averaging(points: FloatArray, width: FloatArray, base: float, passes: P
         notes.append(f"noise: points were averaged over {tell_length(base)} to lay the sheet through them")
     if len(passes.places):
         notes.append(
-            f"two layers {tell_length(passes.apart)} apart, as passes that disagree or both sides of a leaf, lie within "
-            f"the noise and were averaged to one: about {100 * passes.share:.3g} % of the points, around "
+            f"two layers {tell_length(passes.apart)} apart, as passes that disagree or both sides of a leaf, lie "
+            f"within the noise and were averaged to one: about {100 * passes.share:.3g} % of the points, around "
             f"{tell_middle(passes.places, points)}"
         )
     wide = width > base

@@ -119,8 +119,8 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
     if share > SIDES:
         apart = float(np.median(heights))
         where += (
-            f", {tell_length(apart)} apart, as both sides of a leaf are (for one blade between them, thin the scan until "
-            f"its points are {tell_length(apart / MEETING)} apart)"
+            f", {tell_length(apart)} apart, as both sides of a leaf are (for one blade between them, thin the scan "
+            f"until its points are {tell_length(apart / MEETING)} apart)"
         )
     if not parted.is_narrow:
         return Resting((), where)
