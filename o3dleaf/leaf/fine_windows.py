@@ -24,7 +24,8 @@ def extract_windows(
     """Return one mesh, coarse but for windows (region, spacing) in it; see `MultiscaleLeaf.extract_levels`."""
     tiles = extract_tiles(leaf, spacing, 0, together=False).parts
     plane = np.array(tiles.lattice.origin[:2]), np.array(tiles.lattice.spacing[:2])
-    area = footprint(sides_of(leaf.edge_curve(closed=closed)), *plane, None)
+    edge = leaf.blade.edge_thickness(float(np.linalg.norm(plane[1])))
+    area = footprint(sides_of(leaf.edge_curve(closed=closed)), *plane, None, edge)
     root = Level(tiles, area, area.box, closed, cut=leaf.cuts_edges)
     for region, step in windows:
         _insert(leaf, root, as_bounds(region, 2, "region"), require_positive(step, "spacing"))

@@ -104,7 +104,8 @@ class MeshPlan:
             self.outline, cut = leaf.edge_curve(closed=closed), leaf.cuts_edges
             if box is not None and (closed or cut):
                 self.outline, box = shapely.box(*box.ravel()) & self.outline, None
-            area = footprint(sides_of(self.outline), *plane, box)
+            edge = leaf.blade.edge_thickness(float(np.linalg.norm(plane[1])))
+            area = footprint(sides_of(self.outline), *plane, box, edge)
             self.assembly = Assembly(tiles, area, closed=closed, cut=cut, reduced=reduced)
             self._counting = time.perf_counter() - started
 

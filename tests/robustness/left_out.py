@@ -33,7 +33,7 @@ INNER = {
     ),
     **dict.fromkeys(("values_and_gradients", "stacked_jets", "rough_on", "rays", "framing", "size"), "the same"),
     **dict.fromkeys(("labels_of", "take", "reordered", "with_normals", "with_points", "tile_key"), "the same"),
-    **dict.fromkeys(("with_period", "edge_curve", "index_of"), "the same"),
+    **dict.fromkeys(("with_period", "edge_curve", "edge_thickness", "index_of"), "the same"),
     **dict.fromkeys(("count", "index"), "of any tuple"),
 }
 """Methods that no row calls."""

@@ -16,6 +16,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.blade.distortion import Distortion
 from o3dleaf.leaf.blade.lifted import Lifted
 from o3dleaf.leaf.blade.outline_area import Outline, places_inside
+from o3dleaf.leaf.instancing.footprint import EdgeThickness
 
 SAMPLE_COUNT = 20_000
 """Places of the blade at which its map is measured."""
@@ -87,6 +88,10 @@ class Blade(ABC):
     def most_thickness(self) -> float:
         """The largest factor by which the blade makes heights longer."""
         return 1.0
+
+    def edge_thickness(self, reach: float) -> EdgeThickness | None:  # noqa: ARG002 - of those that taper
+        """Return the thickness at a mesh's edge, which lies within `reach` of the outline; None where it is 1."""
+        return None
 
     @property
     def warnings(self) -> list[str]:

@@ -68,6 +68,7 @@ def _strips(leaf: TexturedBlade, solid: LeafSolid, middles: FloatArray, halves: 
     lifted = leaf.blade.lift_with_jacobian(np.column_stack([middles[middle], np.zeros(len(middle))]))
     along, across = halves[middle, :1], halves[middle, 1:]
     edges = along * lifted.columns[:, 0] + across * lifted.columns[:, 1]
-    return Strips(
-        lifted.world, edges.astype(np.float32), lifted.columns[:, 2].astype(np.float32), ends.astype(np.float32)
-    )
+    # Heights of the strips are those of the world.
+    thickness = np.linalg.norm(lifted.columns[:, 2], axis=1, keepdims=True)
+    ups, ends = lifted.columns[:, 2] / thickness, ends * thickness
+    return Strips(lifted.world, *(part.astype(np.float32) for part in (edges, ups, ends)))

@@ -1,6 +1,8 @@
 """The part of the plane that is meshed: lattice cells inside an outline, and distances of columns to it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,8 +15,17 @@ from o3dleaf.leaf.instancing.plane_loops import mark_inside, mark_touched, splat
 HALO = 8
 """Cells beyond a window that are looked at: one less is the number of rounds that corners are thinned out in."""
 
+ROUNDS = 4
+"""So often columns are taken inside for one another; each round sees a cell farther."""
+TINY = 1e-300
+
 OUTSIDE, CUT, WHOLE = range(3)
 """What an outline leaves of a place: nothing, what is to be looked at, or all of it."""
+
+
+EdgeThickness: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+"""The factors of heights (n,) that the way to the world has at (n, 2) flat places of a mesh's edge, and the ratios (n,)
+to them of those that the edge is to have: what is made of the edge lies beside it, by less than a step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +43,15 @@ class Footprint:
         First and last column that is looked at.
     holes : tuple of (2, 2) ndarrays of int64
         First and last columns of boxes that are left out.
+    edge : EdgeThickness, optional
+        Where the way to the world makes heights longer or shorter.
     """
 
     rings: FloatArray
     spacing: FloatArray
     box: IntArray
     holes: tuple[IntArray, ...] = ()
+    edge: EdgeThickness | None = None
 
     def without(self, hole: IntArray) -> "Footprint":
         """Return the footprint less the cells of a box of columns (2, 2)."""
@@ -130,6 +144,24 @@ class Footprint:
         splat_distances(near, first, self.spacing, distance)
         return np.where(inside, distance, -distance)
 
+    def single_distances(self, low: npt.ArrayLike, high: npt.ArrayLike) -> FloatArray:
+        """Return what `distances` does, but for columns that are taken inside so that no cell is crossed twice.
+
+        Where two stretches of the margin run through one cell, as at the end of a slit, its corners are inside and
+        outside by turns, and the sheets above and below, each of two triangles there, would be cut in different ways.
+        """
+        distance = self.distances(np.asarray(low) - ROUNDS, np.asarray(high) + ROUNDS)
+        for _ in range(ROUNDS):
+            crossed = np.argwhere(_corners(distance > 0))
+            if not len(crossed):
+                break
+            corners = tuple((crossed[:, np.newaxis] + [[0, 0], [0, 1], [1, 0], [1, 1]]).transpose(2, 0, 1))
+            depth = np.where(distance[corners] > 0, -np.inf, distance[corners]).argmax(axis=1)
+            i, j = (each[np.arange(len(crossed)), depth] for each in corners)
+            # A column on the margin is outside, too.
+            distance[i, j] = np.maximum(-distance[i, j], TINY)
+        return np.ascontiguousarray(distance[ROUNDS:-ROUNDS, ROUNDS:-ROUNDS])
+
     @property
     def _sight(self) -> float:
         """Steps beyond a window within which a side may matter to its cells, or to the distances of its columns."""
@@ -155,7 +187,13 @@ def box_footprint(box: IntArray) -> Footprint:
     return Footprint(np.hstack([corners, np.roll(corners, -1, axis=0)]), np.ones(2), box)
 
 
-def footprint(sides: FloatArray, origin: FloatArray, spacing: FloatArray, region: FloatArray | None) -> Footprint:
+def footprint(
+    sides: FloatArray,
+    origin: FloatArray,
+    spacing: FloatArray,
+    region: FloatArray | None,
+    edge: EdgeThickness | None = None,
+) -> Footprint:
     """Return the footprint of an outline's sides (s, 4), in the plane's unit, over a lattice of the plane.
 
     Parameters
@@ -165,6 +203,7 @@ def footprint(sides: FloatArray, origin: FloatArray, spacing: FloatArray, region
         Of the lattice.
     region : (2, 2) ndarray, optional
         Only cells inside this box are kept.
+    edge : EdgeThickness, optional
     """
     lattice = (sides.reshape(-1, 2, 2) - origin) / spacing
     low, high = lattice.min(axis=(0, 1)), lattice.max(axis=(0, 1))
@@ -173,4 +212,4 @@ def footprint(sides: FloatArray, origin: FloatArray, spacing: FloatArray, region
         # A corner on the lattice but for rounding must not cost a cell.
         inner = (region - origin) / spacing
         box = np.stack([np.maximum(box[0], np.ceil(inner[0] - 1e-9)), np.minimum(box[1], np.floor(inner[1] + 1e-9))])
-    return Footprint(lattice.reshape(-1, 4), np.asarray(spacing), box.astype(np.int64))
+    return Footprint(lattice.reshape(-1, 4), np.asarray(spacing), box.astype(np.int64), edge=edge)

@@ -59,19 +59,20 @@ class Taper:
     def __repr__(self) -> str:
         return f"Taper(radius {self.radius:.4g}, least {self.least:.4g})"
 
-    def values(self, uv: npt.ArrayLike) -> FloatArray:
-        """Return τ (n,) at (n, 2) points of the plane."""
-        return self._jet(uv, 1)[:, 0]
+    def values(self, uv: npt.ArrayLike, edge: float = 0.0) -> FloatArray:
+        """Return τ (n,) at (n, 2) points of the plane, of which those less than `edge` deep count as on the margin."""
+        return self._jet(uv, 1, edge)[:, 0]
 
     def jet(self, uv: npt.ArrayLike) -> FloatArray:
         """Return τ, ∂τ/∂u and ∂τ/∂v (n, 3) at (n, 2) points of the plane."""
         return self._jet(uv, 3)
 
-    def _jet(self, uv: npt.ArrayLike, count: int) -> FloatArray:
+    def _jet(self, uv: npt.ArrayLike, count: int, edge: float = 0.0) -> FloatArray:
         """Return the first `count` columns of τ, ∂τ/∂u and ∂τ/∂v."""
         plane = as_points(uv, "uv", dim=2)
         jet, parts = np.empty((len(plane), count)), (self._margin, self._grid)
-        shape = self.radius, self.least, self._blend
+        # No depth beyond the radius is known.
+        shape = self.radius, self.least, self._blend, min(float(edge), self.radius)
         run_blocks(lambda start, stop: fill_taper(start, stop, plane, *parts, shape, jet), len(plane), BLOCK)
         return jet
 

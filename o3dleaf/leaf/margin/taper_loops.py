@@ -117,11 +117,13 @@ def depth_below(u, v, margin, grid, reach):
 def fill_taper(start, stop, plane, margin, grid, shape, jet):
     """Write τ and, where there is room for them, ∂τ/∂u and ∂τ/∂v (n, 3), of some rows of points of the plane (n, 2).
 
-    `shape` is (radius, least, blend).
+    `shape` is (radius, least, blend, edge): what is less deep than the last one counts as on the margin.
     """
-    radius, least, blend = shape
+    radius, least, blend, edge = shape
     for n in range(start, stop):
         depth, du, dv = depth_below(plane[n, 0], plane[n, 1], margin, grid, radius)
+        if depth < edge:
+            depth = 0.0
         jet[n, 0], slope = profile(depth / radius, least, blend)
         if jet.shape[1] == 3:
             factor = slope / (radius * depth) if 0.0 < depth < radius else 0.0

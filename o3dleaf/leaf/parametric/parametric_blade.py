@@ -22,6 +22,7 @@ from o3dleaf.leaf.blade.distortion import radii_of
 from o3dleaf.leaf.blade.lifted import Lifted
 from o3dleaf.leaf.blade.outline_area import Outline, in_polygon
 from o3dleaf.leaf.chart.petiole import Petiole
+from o3dleaf.leaf.instancing.footprint import EdgeThickness
 from o3dleaf.leaf.margin.sheet_mesh import triangulate
 from o3dleaf.leaf.margin.taper import Taper
 from o3dleaf.leaf.parametric import lift_loops
@@ -95,10 +96,28 @@ class ParametricBlade(Blade):
     @cached_property
     def taper(self) -> Thickness | None:
         """The factor of heights, where it is not 1."""
-        rim = None if self.rim_radius is None else Taper(self.outline.polygon, self.rim_radius)
-        if self.thickness is None or rim is None:
-            return rim or self.thickness
-        return ThicknessProduct(rim, self.thickness)
+        if self.thickness is None or self._rim is None:
+            return self._rim or self.thickness
+        return ThicknessProduct(self._rim, self.thickness)
+
+    @cached_property
+    def _rim(self) -> Taper | None:
+        return None if self.rim_radius is None else Taper(self.outline.polygon, self.rim_radius)
+
+    def edge_thickness(self, reach: float) -> EdgeThickness | None:
+        """Return the thickness at a mesh's edge, which lies within `reach` of the outline; None where it is 1.
+
+        τ rises so steeply there that the chords of a mesh, which lie inside the margin by a hundredth of their length,
+        would have twice the thickness between their ends.
+        """
+        taper, rim = self.taper, self._rim
+        if taper is None or rim is None:
+            return None
+
+        def thickness(plane: FloatArray) -> tuple[FloatArray, FloatArray]:
+            return taper.values(plane), rim.values(plane, reach) / rim.values(plane)
+
+        return thickness
 
     @property
     def most_thickness(self) -> float:

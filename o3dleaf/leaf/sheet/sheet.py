@@ -24,6 +24,7 @@ from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.scan_lines import without_scan_lines
 from o3dleaf.leaf.sheet.widths import (
     LINK,
+    MEETING,
     OFF,
     STEEP,
     WIDEST,
@@ -54,8 +55,6 @@ FLAT = 0.75
 times as wide as high, 0.66 of one twice as wide, 0.5 of a cylinder."""
 SAMPLE = 400
 """Vertices at which the thickness of a closed surface is measured."""
-MEETING = 3.0
-"""Spacings that the sides of a thin leaf are brought within, by thinning, before they are averaged."""
 FEWEST_CONTACTS = 8
 """Places where a rim touches another part at least, for sheets to branch there."""
 SHOWN = 200

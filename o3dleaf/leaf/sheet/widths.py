@@ -24,6 +24,8 @@ NOISE_WIDTHS = 1.0, 5.0
 """Least and largest width in spacings for noise."""
 WIDEST = 4.0
 """Distance in spacings up to which layers are passes of one sheet. Where there is more between them it shows."""
+MEETING = 3.0
+"""Spacings that the sides of a thin leaf are brought within, by thinning, before they are averaged."""
 STEEP = 0.8
 """Cosine to the normal from which on a point lies above another one, not beside it."""
 PARALLEL = 0.35

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+import shapely
 
 from o3dleaf import mesh_report
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.io.mesh_stream import Arrays
+from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Assembly
 from o3dleaf.leaf.instancing.components import RIM
 from o3dleaf.leaf.instancing.cut.ear_loops import cut_ears
@@ -249,3 +251,18 @@ def test_no_sliver_is_left_along_a_border_that_is_almost_straight():
         triangles = np.array([[0, 1, 3], [1, 2, 3]])
         flip_diagonals(corners, np.array(names), np.array(sides), triangles)
         assert triangles.tolist() == [[0, 1, 3], [1, 2, 3]]
+
+
+def test_a_slit_that_ends_in_a_cell_makes_no_triangle_cross():
+    """Its two flanks run through one cell, and the sheets above and below have their diagonals there as they come."""
+    tile = extract_tile(solid_layer, LATTICE)
+    step, rng = max(LATTICE.spacing[:2]), np.random.default_rng(0)
+    disc = shapely.Point(2.0, 0.3).buffer(1.5)
+    for angle in np.linspace(0, 2 * np.pi, 24, endpoint=False):
+        along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+        wide = rng.uniform(0.3, 1.5) * step * across
+        tip = rng.uniform(0.5, 1.0) * along
+        disc -= shapely.Polygon([tip + [2, 0.3], 2 * along - wide + [2, 0.3], 2 * along + wide + [2, 0.3]])
+    (_, solid) = cut(tile, sides_of(disc), closed=True)
+    report = mesh_report((solid.vertices, solid.triangles))
+    assert (report.components, report.boundary_edges, report.self_intersections) == (1, 0, 0)

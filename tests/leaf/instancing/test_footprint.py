@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.instancing.footprint import CUT, OUTSIDE, WHOLE, footprint
 
 SHAPE = 32, 35
@@ -58,3 +60,33 @@ def test_only_places_by_the_outline_are_looked_at(size):
     told = np.stack([area.coverage(p, range(size), SHAPE) for p in range(size)])
     assert (told == OUTSIDE).sum() == 0
     assert (told == CUT).sum() <= 8 * size
+
+
+def slits(seed, count=30):
+    """The sides of a disc in a plane of unit spacing, cut by wedges that end within the width of a cell."""
+    random = np.random.default_rng(seed)
+    disc = shapely.Point(0, 0).buffer(40.0)
+    for angle in np.linspace(0, 2 * np.pi, count, endpoint=False) + random.uniform(0, 1, count) * np.pi / count:
+        along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+        far, wide = 45 * along, random.uniform(0.3, 1.2) * across
+        disc -= shapely.Polygon([random.uniform(10, 30) * along, far - wide, far + wide])
+    return sides_of(max(shapely.get_parts(disc), key=lambda part: part.area))
+
+
+@settings(max_examples=8)
+@given(seed=st.integers(0, 10_000))
+def test_no_cell_is_crossed_twice_whatever_the_window(seed):
+    area = footprint(slits(seed), np.zeros(2), np.ones(2), None)
+    low, high = area.box
+    found, distance = area.single_distances(low, high), area.distances(low, high)
+    inside = found > 0
+    a, b, c, d = inside[:-1, :-1], inside[:-1, 1:], inside[1:, :-1], inside[1:, 1:]
+    assert not ((a == d) & (b == c) & (a != b)).any()
+    turned = inside != (distance > 0)
+    assert inside[turned].all()
+    assert 0 < turned.sum() < 0.05 * np.sum(np.abs(distance) < 1)
+    assert np.array_equal(found[~turned], distance[~turned])
+    # The margin moves by less than the diagonal of a cell.
+    assert np.abs(distance[turned]).max() < np.sqrt(0.5)
+    middle = (low + high) // 2
+    assert np.array_equal(area.single_distances(middle, high), found[tuple(slice(k, None) for k in middle - low)])

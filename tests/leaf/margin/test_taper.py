@@ -4,11 +4,19 @@ import numpy as np
 import pytest
 import shapely
 
+from leaf_fields import leaf_of
+from leaf_fields import texture as texture_of
 from margin_fields import leaf_shape
+from o3dleaf import Margin, MultiscaleLeaf, ParametricBlade, mesh_report
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
+from o3dleaf.io.labelled_mesh import RIM
 from o3dleaf.leaf.margin.taper import Taper
-from tolerances import TAPER_ROUNDING, TAPER_SLOPE
+from o3dleaf.leaf.meshing import MeshPlan
+from tolerances import RIM_DISTANCE, TAPER_ROUNDING, TAPER_SLOPE
+
+HALF = 0.2037
 
 
 def places(shape, count=5000, seed=0):
@@ -106,3 +114,63 @@ def test_it_does_not_depend_on_threads_or_on_the_turn_of_rings():
 def test_what_is_no_taper_is_refused(given):
     with pytest.raises(InputError, match=r"radius|least"):
         Taper(leaf_shape(), *given)
+
+
+def star(points=7):
+    """A star whose concave corners are sharp."""
+    angle = np.linspace(0, 2 * np.pi, 2 * points, endpoint=False)
+    radius = np.where(np.arange(2 * points) % 2, 1.2, 2.6)[:, np.newaxis]
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)]) + [10.0, 0.0]
+
+
+@pytest.fixture(scope="module")
+def pointed():
+    """A wavy slab on a bent strip, tapered towards the margin of a star."""
+    wavy = texture_of(lambda x, y, z: HALF + 0.05 * np.cos(2 * np.pi * x) + 0.04 * np.sin(2 * np.pi * y) - np.abs(z))
+    surface = leaf_of(wavy, bend=15.0)[0].blade.surface
+    return MultiscaleLeaf(wavy, blade=ParametricBlade(surface, Margin(star(), star(), spacing=0.25), rim_radius=0.3))
+
+
+def rim_of(blade, mesh):
+    """Heights of the vertices of a mesh's rim over the blade, and how far they are from the margin."""
+    vertices, triangles = mesh_arrays(mesh.mesh)
+    places, heights, _ = blade.surface.feet(vertices[np.unique(triangles[mesh.labels == RIM])], samples=blade.samples)
+    return np.abs(heights), shapely.distance(blade.outline.polygon.boundary, shapely.points(places))
+
+
+def require_embedded(mesh):
+    report = mesh_report(mesh.mesh)
+    assert report.watertight
+    assert (report.components, report.self_intersections) == (1, 0)
+
+
+@pytest.mark.parametrize("step", [0.2, 0.07])
+def test_a_tapered_solid_is_embedded_and_thin_all_along_its_rim(pointed, step):
+    """The chords of the rim lie inside the margin, where the thickness has risen."""
+    mesh = MeshPlan(pointed, step, closed=True).extract()
+    require_embedded(mesh)
+    heights, _ = rim_of(pointed.blade, mesh)
+    # The texture is at most so high.
+    assert heights.max() <= Taper(pointed.blade.outline.polygon, 0.3).least * (HALF + 0.1)
+
+
+def test_the_sides_of_a_region_are_embedded_and_as_thick_as_the_leaf(pointed):
+    rng = np.random.default_rng(0)
+    for _ in range(8):
+        middle = star()[1::2][rng.integers(7)] + rng.normal(0, 0.2, 2)
+        mesh = MeshPlan(pointed, 0.07, middle + 0.7 * np.array([[-1], [1]]), closed=True).extract()
+        require_embedded(mesh)
+        heights, away = rim_of(pointed.blade, mesh)
+        assert heights[away > 0.35].min() > HALF - 0.12
+
+
+def test_the_distance_beside_a_tapered_rim_is_the_way_to_it():
+    """Level with the rim, which is a tenth as high as the slab."""
+    slab = texture_of(lambda x, y, z: HALF**2 - z**2 + 0 * x * y)
+    surface = leaf_of(slab)[0].blade.surface
+    ring = np.array([[2.0, -2], [18, -2], [18, 2], [2, 2]])
+    leaf = MultiscaleLeaf(slab, blade=ParametricBlade(surface, Margin(ring, ring, spacing=0.25), rim_radius=0.3))
+    rng = np.random.default_rng(0)
+    gap, height = rng.uniform(0.001, 0.05, 300), rng.uniform(-0.9, 0.9, 300) * 0.1 * HALF
+    x = np.column_stack([rng.uniform(4, 16, 300), 2 + gap, height])
+    assert np.abs(leaf.signed_distance(x, closed=True) - gap).max() <= RIM_DISTANCE

@@ -18,7 +18,7 @@ from o3dleaf.leaf.instancing.cut.clip_loops import (
     use_by_sign,
 )
 from o3dleaf.leaf.instancing.cut.wall_loops import put_up_wall
-from o3dleaf.leaf.instancing.footprint import Footprint
+from o3dleaf.leaf.instancing.footprint import EdgeThickness, Footprint
 from o3dleaf.leaf.instancing.placement import Placement, place_whole, renumber, sheets_over
 from o3dleaf.leaf.instancing.rim_loops import TileVertices, use_by_cells
 from o3dleaf.leaf.instancing.tile import Tile
@@ -83,15 +83,21 @@ def place_cut(tile: Tile, footprint: Footprint, place: tuple[int, int], *, walle
     """Return the tile cut along the outline, closed by its wall or open there; None where there is nothing of it."""
     shape = np.array(tile.lattice.shape[:2])
     low = np.array(place) * shape
-    distance = footprint.distances(low, low + shape + 1)
+    distance = footprint.single_distances(low, low + shape + 1)
     in_window = footprint.in_holes(low - 1, low + shape)
     if in_window.any() and (distance > 0).all():
         return sheets_over(tile, ~in_window, place)
-    return cut_tile(tile, distance, place, in_window, walled=walled)
+    return cut_tile(tile, distance, place, in_window, walled=walled, edge=footprint.edge)
 
 
 def cut_tile(
-    tile: Tile, distance: FloatArray, place: tuple[int, int], in_window: BoolArray, *, walled: bool
+    tile: Tile,
+    distance: FloatArray,
+    place: tuple[int, int],
+    in_window: BoolArray,
+    *,
+    walled: bool,
+    edge: EdgeThickness | None = None,
 ) -> Placement | None:
     """Return the tile where the `distance` of columns (nx + 1, ny + 1) is positive, cut where it is zero.
 
@@ -104,6 +110,7 @@ def cut_tile(
         Cells that are left out, whole ones; the row and the column before the tile first.
     walled : bool
         Whether the wall closes it to a solid, or it is open there.
+    edge : EdgeThickness, optional
 
     Raises
     ------
@@ -127,14 +134,14 @@ def cut_tile(
         used &= beside
         kept &= ~in_window[1:, 1:]
     found, shifts = _cut_vertices(tile, vertices, columns)
-    nodes, on_wall = _cut_triangles(tile, vertices, columns, found, walled=walled)
+    places, upright = _edge_places(tile, found.places, place, edge)
+    nodes, on_wall = _cut_triangles(tile, vertices, columns, found, upright if walled else None)
     # This tile's own first.
     order = np.lexsort((found.names, shifts))
     renumber(nodes, order, len(vertices.edges))
     own = int(np.sum(shifts == 0))
-    names, places, shifts = found.names[order], found.places[order], shifts[order]
-    rim = names, np.empty(0), own, on_wall
-    return CutPlacement(tile, place, used, kept, nodes, *rim, cut_places=places, cut_shifts=shifts)
+    rim = found.names[order], np.empty(0), own, on_wall
+    return CutPlacement(tile, place, used, kept, nodes, *rim, cut_places=places[order], cut_shifts=shifts[order])
 
 
 def _in_window(tile: Tile) -> TileVertices:
@@ -168,20 +175,38 @@ def _cut_vertices(tile: Tile, vertices: TileVertices, columns: MarginColumns) ->
     return found, neighbors[:, 0] & neighbors[:, 1]
 
 
+def _edge_places(
+    tile: Tile, places: FloatArray, place: tuple[int, int], edge: EdgeThickness | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return places (e, 3) in the window that go to the world with the edge's thickness, and a wall's corners (e, 3).
+
+    Those are in the unit of length, as high as they will be in the world: what is a polygon in the plane of heights
+    before thickness is no longer cut into triangles by the same diagonals after it.
+    """
+    upright = places * np.array(tile.lattice.spacing)
+    if edge is None:
+        return places, upright
+    (nx, ny, _), low, step = tile.lattice.shape, tile.lattice.origin[2], tile.lattice.spacing[2]
+    flat = tile.lattice.positions(places + np.array([place[0] * nx, place[1] * ny, 0]))
+    thickness, ratio = edge(flat[:, :2])
+    heights = flat[:, 2] * ratio
+    upright[:, 2] = heights * thickness
+    return np.column_stack([places[:, :2], (heights - low) / step]), upright
+
+
 def _cut_triangles(
-    tile: Tile, vertices: TileVertices, columns: MarginColumns, found: CutVertices, *, walled: bool
+    tile: Tile, vertices: TileVertices, columns: MarginColumns, found: CutVertices, upright: FloatArray | None
 ) -> tuple[npt.NDArray[np.int32], BoolArray | None]:
-    """Return the clipped triangles and those of the wall, and which ones are the wall's."""
+    """Return the clipped triangles and those of the wall, if it has corners, and which ones are the wall's."""
     most = int(np.diff(tile.cells)[columns.cells].sum())
     clipped, borders = np.empty((2 * most, 3), dtype=np.int32), np.empty((most, 2), dtype=np.int64)
     ends = np.empty(len(columns.cells) + 1, dtype=np.int64)
     count = clip_triangles(vertices, tile.nodes, tile.cells, columns, found, clipped, borders, ends)
     faces = clipped[:count].copy()
-    if not walled:
+    if upright is None:
         return faces, None
     wall = np.empty((3 * int(ends[-1]), 3), dtype=np.int64)
-    places = found.places * np.array(tile.lattice.spacing)
-    count = put_up_wall(tile.lattice.shape[1], columns, borders[: ends[-1]], ends, places, found.planes, wall)
+    count = put_up_wall(tile.lattice.shape[1], columns, borders[: ends[-1]], ends, found, upright, wall)
     if count < 0:
         raise ReconstructionError("the wall over the outline has a gap at this spacing; use another spacing")
     start = len(tile.edges) + len(tile.beyond)

@@ -197,10 +197,11 @@ def fill_cell(loops, ends, places, sides, normal, triangles, start):
 
 
 @njit(nogil=True, cache=True)
-def put_up_wall(ny, columns, borders, ends, places, planes, triangles):
+def put_up_wall(ny, columns, borders, ends, cut, places, triangles):
     """Write the triangles (m, 3), rows of the cut, of the wall over all cut cells; return how many, −1: it has a gap.
 
-    Parameters are those of `clip_loops`, the places (e, 3) of the vertices of the cut in a unit of length.
+    Parameters are those of `clip_loops`; `places` (e, 3) are those of the vertices of the cut in a unit of length, as
+    high as the wall is to be.
     """
     count = len(places)
     following, leading = np.full(count, -1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
@@ -214,8 +215,8 @@ def put_up_wall(ny, columns, borders, ends, places, planes, triangles):
         for n in range(len(part)):
             following[part[n, 0]], leading[part[n, 1]] = part[n, 1], part[n, 0]
         for row in rows:
-            sides[row] = side_of(row, i, j, planes)
-        join_sides(rows, sides, places[:, 2], following, leading)
+            sides[row] = side_of(row, i, j, cut.planes)
+        join_sides(rows, sides, cut.places[:, 2], following, leading)
         loops, loop_ends = np.empty(len(rows), dtype=np.int64), np.empty(len(rows), dtype=np.int64)
         loop_count = trace_loops(rows, following, loops, loop_ends)
         if loop_count < 0:

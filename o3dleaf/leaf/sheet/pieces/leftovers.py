@@ -195,15 +195,16 @@ def tell_averaging(points: FloatArray, width: FloatArray, base: float, passes: P
         notes.append(f"noise: points were averaged over {tell_length(base)} to lay the sheet through them")
     if len(passes.places):
         notes.append(
-            f"two layers {tell_length(passes.apart)} apart lie within the noise and were averaged to one: about "
-            f"{100 * passes.share:.2g} % of the points, around {tell_middle(passes.places, points)}"
+            f"two layers {tell_length(passes.apart)} apart, as passes that disagree or both sides of a leaf, lie "
+            f"within the noise and were averaged to one: about {100 * passes.share:.3g} % of the points, around "
+            f"{tell_middle(passes.places, points)}"
         )
     wide = width > base
     if wide.any():
         share = 100 * wide.mean()
         notes.append(
             f"layers that face one way were averaged over up to {tell_length(float(width.max()))} to be one sheet: "
-            f"{share:.2g} % of the points, around {tell_middle(points[width == width.max()], points)}"
+            f"{share:.3g} % of the points, around {tell_middle(points[width == width.max()], points)}"
         )
     return tuple(notes)
 

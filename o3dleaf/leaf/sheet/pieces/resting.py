@@ -14,7 +14,7 @@ from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.pieces.minimum_cut import Links, minimum_cut
 from o3dleaf.leaf.sheet.pieces.nearer_surface import tell_by_surface
-from o3dleaf.leaf.sheet.widths import CLEAN, MOSTLY, OFF, STEEP, WIDEST
+from o3dleaf.leaf.sheet.widths import CLEAN, MEETING, MOSTLY, OFF, STEEP, WIDEST
 from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
 
 REACH = 2 * WIDEST
@@ -27,6 +27,8 @@ FEWEST = 24
 NARROW = 0.5
 """Length of the line along which two leaves that touch are parted, over the square root of the lesser one's area, at
 most, as of necks: where it is longer nothing shows which points are whose."""
+SIDES = 0.9
+"""Share of the points that lie over or under others from which on these may be the two sides of one leaf."""
 LEAST = 0.1
 """Share of the points of both that a leaf has at least, as in `find_necks`."""
 BATCH_SIZE = 2048
@@ -112,7 +114,14 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
     piece = links.kept(side[links.one] == side[links.other]).groups(len(side))
     if side[np.argmax(np.bincount(piece)[piece])] == 0 or parted.is_shred:
         return None
-    where = f"around {tell_middle(points[upper | lower], points)}, {100 * (upper | lower).mean():.2g} % of the points"
+    share = float((upper | lower).mean())
+    where = f"around {tell_middle(points[upper | lower], points)}, {100 * share:.3g} % of the points"
+    if share > SIDES:
+        apart = float(np.median(heights))
+        where += (
+            f", {tell_length(apart)} apart, as both sides of a leaf are (for one blade between them, thin the scan "
+            f"until its points are {tell_length(apart / MEETING)} apart)"
+        )
     if not parted.is_narrow:
         return Resting((), where)
     if parted.length > 0:
