@@ -13,6 +13,7 @@ from o3dleaf import OrientedCloud, PUInterpolant, create_from_point_cloud_rbfpu,
 from o3dleaf.core.errors import CloudWarning, InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.fitting.pu.single_blend import SingleBlend
+from o3dleaf.surface.reconstruction import extract
 from o3dleaf.surface.reconstruction.extract import SEEN, NearSurface, mesh_step, quick_field
 from tolerances import (
     CLEAN_SURFACE,
@@ -373,6 +374,14 @@ def test_single_precision_is_not_seen_on_a_surface(noise):
     off = np.linalg.norm(single - vertices, axis=1) / surfaces[0].step
     assert 0 < off.max() < SINGLE_SURFACE
     assert noise or np.median(off) < SINGLE_PLACED
+
+
+def test_a_field_of_many_sites_is_not_copied(monkeypatch):
+    points, normals = samples.Torus().sample(1_000)
+    field = fit_surface(OrientedCloud.of(points, normals))
+    assert isinstance(quick_field(field, spacing_of(points)), SingleBlend)
+    monkeypatch.setattr(extract, "MAX_SITES", len(field.local.weights) - 1)
+    assert quick_field(field, spacing_of(points)) is field
 
 
 def test_a_field_stays_in_double_precision_where_pairs_of_points_contradict_one_another():
