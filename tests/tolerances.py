@@ -449,6 +449,16 @@ MERGED = 1e-9
 SINGLE_PRECISION_DISTANCE = 1e-6
 """Open3D's ray casting computes in single precision: 6e-8 of lengths around 1, a few roundings."""
 
+SINGLE_NORMALS = 2e-3
+"""Of unit normals by sums in single precision, off by a share 1e-3 of a step over a spacing at most; found 2e-5."""
+
+SINGLE_SURFACE = 2e-4
+"""Steps at most between vertices by fields in single and in double precision; found 3e-5, and 4e-4 where small values
+are rounded too."""
+
+SINGLE_PLACED = 2e-7
+"""The same of half of the vertices of a clean cloud, which are placed in double precision; found 2e-8, else 4e-6."""
+
 RINGING = 0.1
 """One and a half spacings from an edge between colors 0.8 apart, that they are off, clipped; of r³ 0.13."""
 

@@ -8,8 +8,8 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
 from o3dleaf.fitting.rbf.radial_loops import put
-from o3dleaf.fitting.rbf.shared_error_loops import shared_squares, solve_chosen, solve_shared, whitened
-from o3dleaf.fitting.rbf.shared_noise_loops import shared_noise, smoothing_bias
+from o3dleaf.fitting.rbf.shared_error_loops import shared_squares, solve_chosen, solve_shared
+from o3dleaf.fitting.rbf.shared_noise_loops import shared_noise, smoothing_bias, whitened
 from o3dleaf.fitting.rbf.spectrum_loops import decompose, held_out_squares, spectra
 from o3dleaf.fitting.rbf.tail import IntArray
 

@@ -14,7 +14,7 @@ import numpy as np
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import multiply_symmetric, solve_triangle
 from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot
-from o3dleaf.fitting.rbf.reflector_loops import reflect, restrict_tail, subtract
+from o3dleaf.fitting.rbf.reflector_loops import mirror, reflect, restrict_tail, subtract
 from o3dleaf.fitting.rbf.shared_noise_loops import (
     add_errors,
     count_group,
@@ -23,8 +23,16 @@ from o3dleaf.fitting.rbf.shared_noise_loops import (
     whiten,
     whiten_both_sides,
     whiten_rows,
+    whitened,
 )
-from o3dleaf.fitting.rbf.solve_loops import natural_monomials, radial_matrix, solve_projected, solve_system, tail_matrix
+from o3dleaf.fitting.rbf.solve_loops import (
+    lower_radial_matrix,
+    natural_monomials,
+    radial_matrix,
+    solve_projected,
+    solve_system,
+    tail_matrix,
+)
 from o3dleaf.fitting.rbf.spectrum_loops import project_weighted
 
 RESIDUAL = 1e-2
@@ -42,7 +50,7 @@ class TailFreeSystem(NamedTuple):
     Attributes
     ----------
     matrix, roots, noise
-        A (n, n), √w (n,) and S.
+        A (n, n) up to its diagonal, √w (n,) and S.
     tail : (r, n)
         A basis of W^½ S P.
     """
@@ -209,18 +217,11 @@ def solve_shared(points, values, exponents, power, diagonal, noise):
 
 
 @njit(nogil=True, cache=True)
-def whitened(values, roots, noise):
-    """Return W^½ S f of values f (n,)."""
-    shared = values.copy()
-    whiten(noise, shared)
-    return shared * roots
-
-
-@njit(nogil=True, cache=True)
 def factor_solution(points, exponents, system, weighted, smoothing):
     """Return what `solve_local` does, by a Cholesky factor; the matrix A of the system is overwritten."""
     tail, frame = tail_matrix(points, exponents), natural_monomials(points, exponents)
     whiten_rows(system.noise, tail)
+    mirror(system.matrix)
     whiten_both_sides(system.noise, system.matrix)
     projected = project_weighted(system.matrix, tail, frame, system.roots)
     matrix = projected[0]
@@ -242,7 +243,7 @@ def tail_free(points, exponents, power, roots, noise):
     for k in range(len(span)):
         span[k, k] = 1.0
         reflect(span[k], vectors, betas, False)
-    return TailFreeSystem(radial_matrix(points, power), roots, noise, span), triangle, basis
+    return TailFreeSystem(lower_radial_matrix(points, power), roots, noise, span), triangle, basis
 
 
 @njit(nogil=True, cache=True)

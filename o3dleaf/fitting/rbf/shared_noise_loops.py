@@ -92,6 +92,14 @@ def whiten(noise, vector):
 
 
 @njit(nogil=True, cache=True)
+def whitened(values, roots, noise):
+    """Return W^½ S f of values f (n,)."""
+    shared = values.copy()
+    whiten(noise, shared)
+    return shared * roots
+
+
+@njit(nogil=True, cache=True)
 def inverse(noise):
     """Return the noise whose S is the inverse."""
     order, ends, shifts, apart, share = noise

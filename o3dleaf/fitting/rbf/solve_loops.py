@@ -11,7 +11,7 @@ import numpy as np
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import solve_positive, solve_triangle
 from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot, put, radial_values, squared_distances
-from o3dleaf.fitting.rbf.reflector_loops import householder, reflect, reflect_both_sides, restrict_tail
+from o3dleaf.fitting.rbf.reflector_loops import householder, mirror, reflect, reflect_both_sides, restrict_tail
 
 ROWS = 64
 """Rows of a tall system that are reduced at once: with the triangle they stay in the nearest cache."""
@@ -20,24 +20,32 @@ ROWS = 64
 @njit(nogil=True, cache=True)
 def radial_matrix(points, power):
     """Return A with A_ij = φ(|z_i − z_j|), symmetric, zero on the diagonal."""
+    matrix = lower_radial_matrix(points, power)
+    mirror(matrix)
+    return matrix
+
+
+@njit(nogil=True, cache=True)
+def lower_radial_matrix(points, power):
+    """Return A up to its diagonal; what is above is not written."""
     count = points.shape[1]
     matrix = np.empty((count, count))
     z, squared = np.empty(points.shape[0]), np.empty(count)
     for i in range(count):
         if power == 3 and z.size == 3:
-            cubic_row(points, i, matrix[i])
+            cubic_row(points, i, matrix[i, : i + 1])
             continue
         for axis in range(z.size):
             z[axis] = points[axis, i]
         # Not in place: the compiler cannot tell that one entry needs no other, and takes them one by one.
-        squared_distances(z, points, count, squared)
-        radial_values(power, squared, count, matrix[i])
+        squared_distances(z, points, i + 1, squared)
+        radial_values(power, squared, i + 1, matrix[i])
     return matrix
 
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)
 def cubic_row(points, i, row):
-    """Write |z_i − z_j|³ of points (3, n) in one pass."""
+    """Write |z_i − z_j|³ of the first of points (3, n), as many as the row has, in one pass."""
     xs, ys, zs = points[0], points[1], points[2]
     x, y, z = xs[i], ys[i], zs[i]
     for j in range(len(row)):

@@ -1,5 +1,7 @@
 """The vertices and triangles of the surface in a band: on crossed edges and, over creases, between tangent planes."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from o3dleaf.core import progress
@@ -20,11 +22,13 @@ SHARES = (1, 2, 3)
 """About how long finding the vertices, sharpening them and joining them over creases take."""
 
 
-def draw_band(band: Band, *, sharpen: bool, ends: bool, features: bool) -> tuple[FloatArray, IntArray]:
+def draw_band(
+    band: Band, *, sharpen: bool, ends: bool, features: bool, exact: Field | None = None
+) -> tuple[FloatArray, IntArray]:
     """Return vertices and triangles by the keys of points and cells, made manifold where the band `ends`.
 
-    With `sharpen` vertices are moved to the zero of a parabola along their edges; with `features` there is one more in
-    each loop of a cell whose normals disagree.
+    With `sharpen` vertices are moved to the zero of a parabola along their edges, of the field `exact` where that of
+    the band is rough; with `features` there is one more in each loop of a cell whose normals disagree.
     """
     finding, sharpening, joining = progress.split(*SHARES)
     with finding:
@@ -32,7 +36,7 @@ def draw_band(band: Band, *, sharpen: bool, ends: bool, features: bool) -> tuple
         band.edges, many = None, len(crossing.vertices)  # what follows moves them in place
     with sharpening:
         if sharpen:
-            _sharpen(band, crossing.edges, crossing.vertices)
+            _sharpen(replace(band, field=exact or band.field), crossing.edges, crossing.vertices)
             crossing = crossing._replace(vertices=band.place(crossing.edges))
         if band.box is not None:
             _cut(band, band.box, crossing.edges, crossing.vertices)

@@ -118,9 +118,10 @@ class Continuation:
         self.band.change(field, where, passed=not self.trusting)
         self._follow()
 
-    def draw(self, *, sharpen: bool, features: bool) -> tuple[FloatArray, IntArray]:
-        """Return vertices and triangles."""
-        return draw_band(self.band, sharpen=sharpen, ends=self.allowed is not None, features=features)
+    def draw(self, *, sharpen: bool, features: bool, exact: Field | None = None) -> tuple[FloatArray, IntArray]:
+        """Return vertices and triangles, see `draw_band`."""
+        ends = self.allowed is not None
+        return draw_band(self.band, sharpen=sharpen, ends=ends, features=features, exact=exact)
 
     def _follow(self) -> None:
         """Visit the cells that seeds lead to."""

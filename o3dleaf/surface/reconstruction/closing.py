@@ -16,10 +16,11 @@ from o3dleaf.core.mesh_arrays import BoolArray, require_triangles
 from o3dleaf.core.units import measure_in_words
 from o3dleaf.fitting.local.fitter import RefittableFits, ScatteredData
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf.fitting.pu.single_blend import SingleBlend
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.isosurface.remembered import RememberedField
 from o3dleaf.surface.mesh.topology import find_holes, label_nodes
-from o3dleaf.surface.reconstruction.extract import NearSurface
+from o3dleaf.surface.reconstruction.extract import NearSurface, quick_field
 from o3dleaf.surface.reconstruction.overshoots import NO_SITES, WIDE, FreeSites, Surroundings
 from o3dleaf.surface.reconstruction.proximity import Mask, distance_mask
 
@@ -74,7 +75,9 @@ def follow_surface(
     fitted_to : callable
         ``fitted_to() -> ScatteredData``: what the field was fitted to, see `surface_data`.
     """
-    asked = RememberedField(field)
+    finest = min(np.inf if spacing is None else spacing, float(np.median(cloud.point_spacing)))
+    quick = quick_field(field, finest)
+    asked = RememberedField(quick)
     following, drawing = progress.split(*SHARES)
     with following:
         surface = NearSurface.of(asked, cloud, spacing)
@@ -96,7 +99,8 @@ def follow_surface(
             data = _joined(fitted_to() if data is None else data, sites)
             known = FreeSites(*(np.concatenate(pair) for pair in zip(known, sites, strict=True)))
             changed, field = partial(field.index.share_ball, sites.sites), field.with_points(data, len(sites.sites))
-            asked = asked.changed(field, changed)
+            quick = replace(quick, exact=field) if isinstance(quick, SingleBlend) else field
+            asked = asked.changed(quick, changed)
             surface.change(asked, changed, _mask(cloud, known) if around.everywhere else None)
             anew = _everywhere if looking.everywhere else changed
             looking = replace(looking, everywhere=False) if looking.everywhere else looking  # gaps are closed once

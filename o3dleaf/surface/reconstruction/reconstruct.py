@@ -121,9 +121,9 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     Returns
     -------
     mesh : open3d.geometry.TriangleMesh, or open3d.t.geometry.TriangleMesh for a tensor cloud
-        Triangles counter-clockwise seen from outside. The vertices have the normals of the field, −∇F/|∇F|, and colors;
-        those of a tensor mesh also the attributes that the points of the cloud have (`interpolate_attributes`), and
-        `distance`, `weight` and `residual`, which `vertex_support` gives of any mesh.
+        Triangles counter-clockwise seen from outside. The vertices have the normals of the field, −∇F/|∇F|, to single
+        precision, and colors; those of a tensor mesh also the attributes that the points of the cloud have
+        (`interpolate_attributes`), and `distance`, `weight` and `residual`, which `vertex_support` gives of any mesh.
     field : PUInterpolant
         Larger inside, in the cloud's unit about the signed distance near the surface; `field.save(path)` keeps it.
 

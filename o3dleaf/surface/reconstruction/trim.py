@@ -26,8 +26,9 @@ from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
-from o3dleaf.surface.mesh.topology import label_nodes, label_triangles
+from o3dleaf.surface.mesh.topology import label_nodes
 from o3dleaf.surface.reconstruction.along_mesh import MeshNearData, VertexNeighbors, distance_along
+from o3dleaf.surface.reconstruction.proximity import nearest_data
 from o3dleaf.surface.reconstruction.vertex_support_loops import find_front, propagate_lines, seed_front
 
 FACTOR = 3.0
@@ -213,16 +214,13 @@ def _drop_unsupported(vertices: FloatArray, triangles: IntArray, data: OrientedC
     """Return the mesh without the pieces that too few data are nearest to."""
     if not len(triangles):
         raise ReconstructionError("trim_to_data: no part of the mesh is near the points; are they in one unit?")
-    # Of a manifold pieces share no vertex; to see that there is but one, no table of edges is needed.
-    joined = label_nodes(triangles[:, [0, 0]].ravel(), triangles[:, 1:].ravel(), len(vertices))[triangles[:, 0]]
-    if (joined == joined[0]).all():
+    # Of a manifold pieces share no vertex, so that no table of edges is needed.
+    of_vertex = label_nodes(triangles[:, [0, 0]].ravel(), triangles[:, 1:].ravel(), len(vertices))
+    piece, pieces = of_vertex[triangles[:, 0]], int(of_vertex.max()) + 1
+    if (piece == piece[0]).all():
         return vertices, triangles
-    piece = label_triangles(triangles)
-    pieces = int(piece.max()) + 1
-    of_vertex = np.empty(len(vertices), dtype=np.int64)
-    of_vertex[triangles.ravel()] = np.repeat(piece, 3)
     tree = cKDTree(vertices, balanced_tree=False, compact_nodes=False)
-    nearest = of_vertex[query(tree, data.points)[1]]
+    nearest = _nearest_pieces(tree, of_vertex, data)
     sampled, count = (np.bincount(nearest, some, pieces) for some in (data.point_spacing**2, None))
     area = np.bincount(piece, weights=triangle_areas(vertices, triangles))
     keep: BoolArray = (sampled > MIN_DENSITY * area) & (count >= MIN_POINTS)
@@ -231,6 +229,21 @@ def _drop_unsupported(vertices: FloatArray, triangles: IntArray, data: OrientedC
     if not keep.all():
         _tell_of_lost(data, nearest, keep, tree, keep[of_vertex])
     return drop_unused_vertices(vertices, triangles[keep[piece]]) if not keep.all() else (vertices, triangles)
+
+
+def _nearest_pieces(tree: cKDTree, of_vertex: IntArray, data: OrientedCloud) -> IntArray:
+    """Return the piece (n,) of the vertex that is nearest to each point; the largest one's where no other is near.
+
+    The vertices of that which are nearest to a point bound how far its own nearest one is, and are known.
+    """
+    vertices, largest = tree.data, np.bincount(of_vertex).argmax()
+    within, (distance, point) = of_vertex == largest, nearest_data(data, vertices)
+    bound = np.full(len(data), np.inf)
+    np.minimum.at(bound, point[within], distance[within])
+    rows = np.flatnonzero(query(cKDTree(vertices[~within]), data.points)[0] <= bound)
+    nearest = np.full(len(data), largest)
+    nearest[rows] = of_vertex[query(tree, data.points[rows])[1]]
+    return nearest
 
 
 def _tell_of_lost(data: OrientedCloud, piece: IntArray, keep: BoolArray, tree: cKDTree, stays: BoolArray) -> None:

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf import create_from_point_cloud_rbfpu, interpolate_attributes, samples
 from o3dleaf.core.errors import InputError
-from tolerances import CARRIED, RINGING, SINGLE_PRECISION
+from tolerances import CARRIED, RINGING, SINGLE_NORMALS
 
 RED = np.array([1.0, 0.0, 0.0])
 
@@ -92,7 +92,7 @@ def test_red_stays_red_and_bytes_labels_and_scalars_come_along(torus):
     np.testing.assert_array_equal(found["label"][:, 0], attributes["label"][cKDTree(points).query(vertices)[1], 0])
     slope = field.gradient(vertices)
     expected = -slope / np.linalg.norm(slope, axis=1)[:, np.newaxis]
-    np.testing.assert_allclose(found["normals"], expected, rtol=0, atol=SINGLE_PRECISION)
+    np.testing.assert_allclose(found["normals"], expected, rtol=0, atol=SINGLE_NORMALS)
 
 
 def test_what_the_colors_show(torus):

@@ -9,11 +9,22 @@ import open3d as o3d
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf import OrientedCloud, create_from_point_cloud_rbfpu, fit_surface, samples
+from o3dleaf import OrientedCloud, PUInterpolant, create_from_point_cloud_rbfpu, fit_surface, samples
 from o3dleaf.core.errors import CloudWarning, InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.surface.reconstruction.extract import NearSurface, mesh_step
-from tolerances import CLEAN_SURFACE, KEPT_SHEET, NOISY_SURFACE, PLANE_FIELD, RIM_AREA, UNSHARPENED
+from o3dleaf.fitting.pu.single_blend import SingleBlend
+from o3dleaf.surface.reconstruction import extract
+from o3dleaf.surface.reconstruction.extract import SEEN, NearSurface, mesh_step, quick_field
+from tolerances import (
+    CLEAN_SURFACE,
+    KEPT_SHEET,
+    NOISY_SURFACE,
+    PLANE_FIELD,
+    RIM_AREA,
+    SINGLE_PLACED,
+    SINGLE_SURFACE,
+    UNSHARPENED,
+)
 
 
 def legacy(points, normals=None):
@@ -348,6 +359,39 @@ def test_vertices_are_placed_more_exactly_than_linearly_where_no_noise_hides_it(
         errors.append(np.abs(solid(vertices)).mean())
     assert errors[0] < UNSHARPENED * errors[1] if noise else errors[1] < errors[0] / 1.5
     assert NearSurface.of(fit_surface(cloud), cloud, surface.step).sharp
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.4])
+def test_single_precision_is_not_seen_on_a_surface(noise):
+    points, normals, _ = noisy(samples.Torus(), 3_000, noise)
+    cloud = OrientedCloud.of(points, normals)
+    field = fit_surface(cloud)
+    quick = quick_field(field, cloud.spacing)
+    assert isinstance(quick, SingleBlend)
+    surfaces = [NearSurface.of(each, cloud, None) for each in (field, quick)]
+    (vertices, triangles), (single, same) = (mesh_arrays(each.mesh()) for each in surfaces)
+    np.testing.assert_array_equal(triangles, same)
+    off = np.linalg.norm(single - vertices, axis=1) / surfaces[0].step
+    assert 0 < off.max() < SINGLE_SURFACE
+    assert noise or np.median(off) < SINGLE_PLACED
+
+
+def test_a_field_of_many_sites_is_not_copied(monkeypatch):
+    points, normals = samples.Torus().sample(1_000)
+    field = fit_surface(OrientedCloud.of(points, normals))
+    assert isinstance(quick_field(field, spacing_of(points)), SingleBlend)
+    monkeypatch.setattr(extract, "MAX_SITES", len(field.local.weights) - 1)
+    assert quick_field(field, spacing_of(points)) is field
+
+
+def test_a_field_stays_in_double_precision_where_pairs_of_points_contradict_one_another():
+    """A hundred-thousandth of a spacing apart and interpolated, their weights are larger than single precision."""
+    points, _ = samples.Torus().sample(1_000)
+    step = spacing_of(points)
+    sites = np.concatenate([points, points + 1e-5 * step])
+    field = PUInterpolant.fit(sites, np.repeat([0.0, 1e-2 * step], len(points)))
+    assert quick_field(field, step) is field
+    assert np.abs(field(points) - SingleBlend(field, 0.0)(points)).max() > SEEN * step
 
 
 def test_noise_lengthens_the_step_but_where_two_sides_are_near():

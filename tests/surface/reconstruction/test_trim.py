@@ -4,13 +4,14 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from mesh_fields import joined, sphere
 from o3dleaf import OrientedCloud, distance_mask, extract_isosurface, mesh_report, point_spacing, trim_to_data
 from o3dleaf.core.errors import CloudWarning, InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.surface.mesh.topology import EdgeTable
-from o3dleaf.surface.reconstruction.trim import cut_below
+from o3dleaf.surface.reconstruction.trim import _nearest_pieces, cut_below
 from tolerances import BOX_INDEPENDENCE, RIM_OF_DATA, TRIMMED_AREA
 
 
@@ -160,3 +161,14 @@ def test_what_cannot_be_trimmed_says_why():
         point_spacing(np.zeros((20, 3)))
     with pytest.raises(InputError, match="spacing"):
         OrientedCloud.of(cloud, spacing=np.ones(3))
+
+
+def test_a_point_belongs_to_the_piece_of_its_nearest_vertex():
+    """Two sheets with holes, two spacings apart, and points between them and beside: as a search among all says."""
+    rng = np.random.default_rng(3)
+    vertices = np.concatenate([rng.uniform([-1, -1, z], [1, 1, z + 0.02], (800, 3)) for z in (0.0, 0.1, 0.2)])
+    vertices = vertices[np.linalg.norm(vertices[:, :2], axis=1) > 0.3]
+    piece = (vertices[:, 2] / 0.1 + 0.05).astype(np.int64)
+    data = OrientedCloud.of(rng.uniform([-1, -1, -0.05], [1, 1, 0.3], (2_000, 3)), spacing=0.05)
+    tree = cKDTree(vertices)
+    np.testing.assert_array_equal(_nearest_pieces(tree, piece, data), piece[tree.query(data.points)[1]])
