@@ -10,7 +10,14 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.missing_area import missing_area, randomness
-from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray, cell_sizes, cells_of, crude_spacing
+from o3dleaf.leaf.margin.sample_spacing import (
+    NEIGHBORS,
+    BoolArray,
+    cell_sizes,
+    cells_of,
+    crude_spacing,
+    spacing_between,
+)
 from o3dleaf.leaf.margin.sample_triangles import Triangulation, inner_points, triangulate
 
 USUAL = 0.9
@@ -89,15 +96,16 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     mesh = triangulate(points)
     spacing, short = crude_spacing(points, cKDTree(points)), FIRST_SHORT
     for _ in range(3):  # the crude spacing is too long at margins; the third pass changes it by less than a hundredth
-        kept = _covered(mesh, spacing, short)
+        kept = _covered(mesh, spacing_between(points, mesh.triangles, spacing), short)
         deep = _deep(mesh, kept, spacing)
         spacing = cell_sizes(points, cells_of(points, mesh.triangles[kept], mesh.areas[kept]), deep)
         within = _within(mesh, kept, deep)
         usual = mesh.reach[within] / spacing[mesh.triangles[within]].mean(axis=1)
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
-    covered = _covered(mesh, spacing, short)
-    kept, bridged, widest = _joined(mesh, covered, spacing, short)
-    chance = _enclosed_by_chance(mesh, kept, spacing, short)
+    size = spacing_between(points, mesh.triangles, spacing)
+    covered = _covered(mesh, size, short)
+    kept, bridged, widest = _joined(mesh, covered, size, short)
+    chance = _enclosed_by_chance(mesh, kept, size, short)
     covered, kept = covered | chance, kept | chance
     kept |= _slits(mesh, kept, fill_slits)
     labels = _labels(mesh, kept)
@@ -153,20 +161,22 @@ def _labels(mesh: Triangulation, chosen: BoolArray) -> IntArray:
     return labels
 
 
-def _covered(mesh: Triangulation, spacing: FloatArray, short: float) -> BoolArray:
-    """Return the triangles that are covered: all with short sides, and the gaps that chance makes."""
-    size = spacing[mesh.triangles].mean(axis=1)
+def _covered(mesh: Triangulation, size: FloatArray, short: float) -> BoolArray:
+    """Return the triangles that are covered: all with short sides, and the gaps that chance makes.
+
+    Lengths are told by `size` (m,), the spacing that each triangle is judged by (`spacing_between`).
+    """
     reach, cells = mesh.reach / size, mesh.areas / size**2
     gaps = reach > short
     pockets = _open(mesh, gaps) & (reach <= LONG * short)
     gaps &= ~_small(mesh, pockets, cells, CHANCE * short**2)
-    covered: BoolArray = ~gaps | _enclosed_by_chance(mesh, ~gaps, spacing, short)
+    covered: BoolArray = ~gaps | _enclosed_by_chance(mesh, ~gaps, size, short)
     return covered
 
 
-def _enclosed_by_chance(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> BoolArray:
+def _enclosed_by_chance(mesh: Triangulation, kept: BoolArray, size: FloatArray, short: float) -> BoolArray:
     """Return the gaps that the triangles kept enclose, where they are no larger than chance makes them."""
-    cells = mesh.areas / spacing[mesh.triangles].mean(axis=1) ** 2
+    cells = mesh.areas / size**2
     return _small(mesh, ~kept & ~_open(mesh, ~kept), cells, CHANCE * short**2)
 
 
@@ -211,7 +221,7 @@ def _small(mesh: Triangulation, chosen: BoolArray, cells: FloatArray, most: floa
     return chosen & small
 
 
-def _joined(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int, float]:
+def _joined(mesh: Triangulation, kept: BoolArray, size: FloatArray, short: float) -> tuple[BoolArray, int, float]:
     """Return the triangles with those that bridge pieces, how many pieces of `PIECE` points these join, and how far."""
     labels = _labels(mesh, kept)
     piece = np.arange(len(mesh.points)) + labels.max() + 1  # a point alone is a piece by itself
@@ -220,7 +230,7 @@ def _joined(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: fl
     piece = np.unique(piece, return_inverse=True)[1]
     large = np.bincount(piece) >= PIECE
     of = piece[mesh.triangles]
-    reach = mesh.reach / spacing[mesh.triangles].mean(axis=1)
+    reach = mesh.reach / size
     several = (of != of[:, :1]).any(axis=1)
     limit = np.where(large[of].all(axis=1), BRIDGE, LONG * short)
     bridge = ~kept & several & (reach <= limit)
