@@ -104,7 +104,7 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
     size = spacing_between(points, mesh.triangles, spacing)
     covered = _covered(mesh, size, short)
-    kept, bridged, widest = _joined(mesh, covered, size, short)
+    kept, bridged, widest = _joined(mesh, covered, spacing, short)
     chance = _enclosed_by_chance(mesh, kept, size, short)
     covered, kept = covered | chance, kept | chance
     kept |= _slits(mesh, kept, fill_slits)
@@ -221,7 +221,7 @@ def _small(mesh: Triangulation, chosen: BoolArray, cells: FloatArray, most: floa
     return chosen & small
 
 
-def _joined(mesh: Triangulation, kept: BoolArray, size: FloatArray, short: float) -> tuple[BoolArray, int, float]:
+def _joined(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int, float]:
     """Return the triangles with those that bridge pieces, how many pieces of `PIECE` points these join, and how far."""
     labels = _labels(mesh, kept)
     piece = np.arange(len(mesh.points)) + labels.max() + 1  # a point alone is a piece by itself
@@ -230,7 +230,7 @@ def _joined(mesh: Triangulation, kept: BoolArray, size: FloatArray, short: float
     piece = np.unique(piece, return_inverse=True)[1]
     large = np.bincount(piece) >= PIECE
     of = piece[mesh.triangles]
-    reach = mesh.reach / size
+    reach = mesh.reach / spacing[mesh.triangles].mean(axis=1)
     several = (of != of[:, :1]).any(axis=1)
     limit = np.where(large[of].all(axis=1), BRIDGE, LONG * short)
     bridge = ~kept & several & (reach <= limit)
