@@ -11,6 +11,8 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.missing_area import missing_area, randomness
 from o3dleaf.leaf.margin.sample_spacing import (
+    CRUDE_JUMP,
+    JUMP,
     NEIGHBORS,
     BoolArray,
     cell_sizes,
@@ -94,15 +96,15 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         If they lie on one line.
     """
     mesh = triangulate(points)
-    spacing, short = crude_spacing(points, cKDTree(points)), FIRST_SHORT
+    spacing, short, jump = crude_spacing(points, cKDTree(points)), FIRST_SHORT, CRUDE_JUMP
     for _ in range(3):  # the crude spacing is too long at margins; the third pass changes it by less than a hundredth
-        kept = _covered(mesh, spacing_between(points, mesh.triangles, spacing), short)
+        kept, jump = _covered(mesh, spacing_between(points, mesh.triangles, spacing, jump), short), JUMP
         deep = _deep(mesh, kept, spacing)
         spacing = cell_sizes(points, cells_of(points, mesh.triangles[kept], mesh.areas[kept]), deep)
         within = _within(mesh, kept, deep)
         usual = mesh.reach[within] / spacing[mesh.triangles[within]].mean(axis=1)
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
-    size = spacing_between(points, mesh.triangles, spacing)
+    size = spacing_between(points, mesh.triangles, spacing, JUMP)
     covered = _covered(mesh, size, short)
     kept, bridged, widest = _joined(mesh, covered, spacing, short)
     chance = _enclosed_by_chance(mesh, kept, size, short)
