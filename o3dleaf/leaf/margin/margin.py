@@ -45,6 +45,8 @@ ROOM = 1.05
 """Times the width of a hole that is named to fill it: more than a figure of three digits is rounded by."""
 TOLD = 0.002
 """Share of the points that may lie outside without a note."""
+TOGETHER = 0.1
+"""Of the sample's extent, within which half of some points lie that have one place."""
 
 
 @checked
@@ -273,9 +275,14 @@ def _notes(region: SampleRegion, holes: list[Hole]) -> tuple[str, ...]:
     if region.bridged:
         notes.append(f"{region.bridged + 1} pieces of the scan were joined over gaps wider than the scan's own")
     if len(region.left_out) > TOLD * len(region.points):
-        u, v = np.median(region.points[region.left_out], axis=0)
         share = len(region.left_out) / len(region.points)
-        notes.append(
-            f"{len(region.left_out):,} points ({share:.1%}) about u {u:.4g}, v {v:.4g} lie apart and are left out"
-        )
+        where = _where(region.points[region.left_out], np.ptp(region.points, axis=0))
+        notes.append(f"{len(region.left_out):,} points ({share:.1%}) lie apart and are left out, {where}")
     return tuple(notes)
+
+
+def _where(places: FloatArray, extent: FloatArray) -> str:
+    """Return where places (k, 2) of a chart lie, in words: all along a margin, their middle is in none of them."""
+    middle = np.median(places, axis=0)
+    away = np.median(np.linalg.norm(places - middle, axis=1))
+    return f"most about u {middle[0]:.4g}, v {middle[1]:.4g}" if away <= TOGETHER * extent.max() else "scattered"

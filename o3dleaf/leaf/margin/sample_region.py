@@ -10,7 +10,16 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.missing_area import missing_area, randomness
-from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray, cell_sizes, cells_of, crude_spacing
+from o3dleaf.leaf.margin.sample_spacing import (
+    CRUDE_JUMP,
+    JUMP,
+    NEIGHBORS,
+    BoolArray,
+    cell_sizes,
+    cells_of,
+    crude_spacing,
+    spacing_between,
+)
 from o3dleaf.leaf.margin.sample_triangles import Triangulation, inner_points, triangulate
 
 USUAL = 0.9
@@ -87,17 +96,18 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         If they lie on one line.
     """
     mesh = triangulate(points)
-    spacing, short = crude_spacing(points, cKDTree(points)), FIRST_SHORT
+    spacing, short, jump = crude_spacing(points, cKDTree(points)), FIRST_SHORT, CRUDE_JUMP
     for _ in range(3):  # the crude spacing is too long at margins; the third pass changes it by less than a hundredth
-        kept = _covered(mesh, spacing, short)
+        kept, jump = _covered(mesh, spacing_between(points, mesh.triangles, spacing, jump), short), JUMP
         deep = _deep(mesh, kept, spacing)
         spacing = cell_sizes(points, cells_of(points, mesh.triangles[kept], mesh.areas[kept]), deep)
         within = _within(mesh, kept, deep)
         usual = mesh.reach[within] / spacing[mesh.triangles[within]].mean(axis=1)
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
-    covered = _covered(mesh, spacing, short)
+    size = spacing_between(points, mesh.triangles, spacing, JUMP)
+    covered = _covered(mesh, size, short)
     kept, bridged, widest = _joined(mesh, covered, spacing, short)
-    chance = _enclosed_by_chance(mesh, kept, spacing, short)
+    chance = _enclosed_by_chance(mesh, kept, size, short)
     covered, kept = covered | chance, kept | chance
     kept |= _slits(mesh, kept, fill_slits)
     labels = _labels(mesh, kept)
@@ -153,20 +163,22 @@ def _labels(mesh: Triangulation, chosen: BoolArray) -> IntArray:
     return labels
 
 
-def _covered(mesh: Triangulation, spacing: FloatArray, short: float) -> BoolArray:
-    """Return the triangles that are covered: all with short sides, and the gaps that chance makes."""
-    size = spacing[mesh.triangles].mean(axis=1)
+def _covered(mesh: Triangulation, size: FloatArray, short: float) -> BoolArray:
+    """Return the triangles that are covered: all with short sides, and the gaps that chance makes.
+
+    Lengths are told by `size` (m,), the spacing that each triangle is judged by (`spacing_between`).
+    """
     reach, cells = mesh.reach / size, mesh.areas / size**2
     gaps = reach > short
     pockets = _open(mesh, gaps) & (reach <= LONG * short)
     gaps &= ~_small(mesh, pockets, cells, CHANCE * short**2)
-    covered: BoolArray = ~gaps | _enclosed_by_chance(mesh, ~gaps, spacing, short)
+    covered: BoolArray = ~gaps | _enclosed_by_chance(mesh, ~gaps, size, short)
     return covered
 
 
-def _enclosed_by_chance(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> BoolArray:
+def _enclosed_by_chance(mesh: Triangulation, kept: BoolArray, size: FloatArray, short: float) -> BoolArray:
     """Return the gaps that the triangles kept enclose, where they are no larger than chance makes them."""
-    cells = mesh.areas / spacing[mesh.triangles].mean(axis=1) ** 2
+    cells = mesh.areas / size**2
     return _small(mesh, ~kept & ~_open(mesh, ~kept), cells, CHANCE * short**2)
 
 

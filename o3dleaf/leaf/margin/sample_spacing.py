@@ -16,6 +16,9 @@ FAR, FAR_SIDE = 3.0, 1.25
 """Edges longer than this many spacings, and than this many of the sides that are usual around, cross a gap and do not
 tell how the sample is spaced. Sides of random points are 1.7 spacings long; between scan lines they are the longer the
 farther the lines are apart, and neighbors of a point are all on its own line."""
+JUMP, CRUDE_JUMP = 1.5, 2.5
+"""Spacings that differ by more between neighbors are those of a jump in density, of more than twice: averages over 32
+deep points of one density differ by a tenth. Crude ones are √2 too long at margins besides, and twice at corners."""
 
 
 def edges_of(triangles: IntArray) -> IntArray:
@@ -90,3 +93,19 @@ def cell_sizes(points: FloatArray, cells: FloatArray, deep: BoolArray) -> FloatA
     square = cells[inner][near].mean(axis=1)
     size: FloatArray = np.sqrt(square * (cells[inner].sum() / square[inner].sum()))
     return size
+
+
+def spacing_between(points: FloatArray, triangles: IntArray, spacing: FloatArray, jump: float) -> FloatArray:
+    """Return the spacing (m,) by which gaps between points are judged: the mean of a triangle's three corners.
+
+    Where the density of a sample jumps it is the wider one. Beside dense points the neighbors of a sparse point are
+    nearly all dense, and an average over them says that it is, too, up to some three of its spacings from the jump:
+    the triangles of sparse points there passed for gaps. So each point hands its spacing on to all its neighbors, and a
+    triangle is as sparse as the sparsest that any of its corners was handed, if that is `jump` times the densest.
+    """
+    near = query(cKDTree(points), points, k=min(NEIGHBORS, len(points)))[1].reshape(len(points), -1)
+    widest = spacing.copy()
+    np.maximum.at(widest, near.ravel(), np.repeat(spacing, near.shape[1]))
+    own, handed = spacing[triangles], widest[triangles].max(axis=1)
+    between: FloatArray = np.where(handed > jump * own.min(axis=1), handed, own.mean(axis=1))
+    return between

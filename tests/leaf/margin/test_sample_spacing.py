@@ -2,9 +2,13 @@
 
 import numpy as np
 import pytest
+import shapely
 
-from o3dleaf.leaf.margin.sample_spacing import FAR, local_shape
+import planar_leaves as leaves
+from o3dleaf.leaf.margin.sample_region import cover_sample
+from o3dleaf.leaf.margin.sample_spacing import FAR, JUMP, local_shape, spacing_between
 from o3dleaf.leaf.margin.sample_triangles import triangulate
+from tolerances import JUMP_AREA
 
 SIDE = 40.0
 
@@ -32,3 +36,41 @@ def test_beside_a_gap_a_random_sample_has_no_direction():
     beside = np.abs(np.abs(points[:, 0] - SIDE / 2) - 2 * FAR) < 1
     metric = local_shape(points, triangulate(points).triangles)[beside]
     assert np.abs(metric.mean(axis=0) - [1.0, 0.0, 1.0]).max() < 0.15
+
+
+def uneven(leaf, factor, sampler, rng):
+    """A sample of a leaf, about two apart in its left half and `factor` times as dense in its right."""
+    parts = [leaf.intersection(shapely.box(*box)) for box in ((-100, -100, 0, 100), (0, -100, 100, 100))]
+    counts = (round(part.area * density / 4) for part, density in zip(parts, (1, factor), strict=True))
+    return np.concatenate([sampler(part, count, rng) for part, count in zip(parts, counts, strict=True)])
+
+
+def covered(region):
+    return shapely.coverage_union_all(shapely.polygons(region.points[region.triangles]))
+
+
+@pytest.mark.parametrize("sampler", [leaves.uniform, leaves.jittered])
+@pytest.mark.parametrize("factor", [5, 10, 30])
+def test_where_the_density_jumps_a_leaf_is_covered_and_no_hole_comes_about(factor, sampler):
+    leaf = leaves.ellipse()
+    region = cover_sample(uneven(leaf, factor, sampler, np.random.default_rng(factor)))
+    area = covered(region)
+    assert area.geom_type == "Polygon"
+    assert not area.interiors
+    assert (area.area + region.missing.sum()) / leaf.area == pytest.approx(1, abs=JUMP_AREA)
+
+
+@pytest.mark.parametrize(("place", "width"), [(-20, 18), (0, 16), (20, 8)])
+def test_beside_a_jump_in_density_holes_stay_on_either_side(place, width):
+    hole = shapely.Point(place, 0).buffer(width / 2)
+    region = cover_sample(
+        uneven(leaves.ellipse().difference(hole), 10, leaves.uniform, np.random.default_rng(place + 30))
+    )
+    (found,) = covered(region).interiors
+    assert shapely.Polygon(found).contains(hole.buffer(-0.05 * width))
+
+
+def test_triangles_of_a_sample_of_one_density_are_judged_by_their_corners():
+    points = leaves.uniform(leaves.ellipse(), 3000, np.random.default_rng(0))
+    mesh, spacing = triangulate(points), np.random.default_rng(1).uniform(0.9, 1.1, len(points))
+    assert (spacing_between(points, mesh.triangles, spacing, JUMP) == spacing[mesh.triangles].mean(axis=1)).all()

@@ -150,7 +150,7 @@ class Leftovers:
         near = [d <= NEAR * self.spacing for d in self.distance]
         whole = 1 + sum(not n and len(rows) >= FEWEST for n, rows in zip(near, self.groups, strict=True))
         if whole > 1:
-            notes.append(f"{whole} pieces; the largest is used: {self._name(self.held)}")
+            notes.append(f"{whole} pieces; the largest is used: {self._name(self.held)}; `piece` takes another")
         for rows, close, far, branch in list(zip(self.groups, near, self.distance, self.branch, strict=True))[:SHOWN]:
             kind = "another layer" if close else "another piece"
             how = f", {tell_length(far)} off the sheet" if close else f", {tell_length(far)} away"
