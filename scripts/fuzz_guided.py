@@ -28,7 +28,7 @@ from damaged import READERS  # noqa: E402
 from o3dleaf.core.errors import O3DLeafError  # noqa: E402
 
 SECONDS, MEGABYTES = 10, 4096
-MOST = 20_000
+MAX_BYTES = 20_000
 """Bytes of a file."""
 
 WATCHED = (
@@ -86,7 +86,7 @@ def main():
                 reader.read(file)
 
         options = [f"-max_total_time={given.seconds}", f"-timeout={SECONDS}", f"-rss_limit_mb={MEGABYTES}"]
-        options += [f"-max_len={MOST}", f"-artifact_prefix={given.keep}/"]
+        options += [f"-max_len={MAX_BYTES}", f"-artifact_prefix={given.keep}/"]
         atheris.Setup([sys.argv[0], *options, str(corpus)], read_one)
         atheris.Fuzz()
 

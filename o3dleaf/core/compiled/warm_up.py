@@ -12,7 +12,7 @@ from pathlib import Path
 
 from o3dleaf.core import progress
 
-MOST = 61
+MAX_PROCESSES = 61
 """Processes that one can wait for on Windows."""
 
 
@@ -24,7 +24,7 @@ def warm_up(folder: Path | None = None, workers: int | None = None, jobs: str = 
     folder : path, optional
         Where to; by default code is kept where Numba keeps it.
     workers : int, optional
-        Processes; by default one a core, but no more than `MOST`.
+        Processes; by default one a core, but no more than `MAX_PROCESSES`.
     jobs : {"all", "demo", "tests"}
         Whose functions: of all main jobs, as a package brings them, of the demo, or of the tests, too.
     """
@@ -46,7 +46,7 @@ def warm_up(folder: Path | None = None, workers: int | None = None, jobs: str = 
 @contextmanager
 def _processes(folder: Path | None, workers: int | None) -> Iterator[ProcessPoolExecutor]:
     context = multiprocessing.get_context("spawn")
-    count = workers or min(os.cpu_count() or 1, MOST)
+    count = workers or min(os.cpu_count() or 1, MAX_PROCESSES)
     with ProcessPoolExecutor(count, context, initializer=_start, initargs=(folder,)) as pool:
         try:
             yield pool

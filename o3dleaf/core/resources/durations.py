@@ -8,7 +8,7 @@ from o3dleaf.core.errors import InputError
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 """Of each unit."""
 FORM = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(s|min|h|d)\s*")
-MOST = 1000.0 * 86400.0
+MAX_SECONDS = 1000.0 * 86400.0
 
 
 def parse_duration(duration: str | float) -> float:
@@ -29,7 +29,7 @@ def parse_duration(duration: str | float) -> float:
 
 def duration_in_words(seconds: float) -> str:
     """Return seconds as a text of one to three digits: "40 s", "12 min", "1.5 h"."""
-    if seconds >= MOST:
+    if seconds >= MAX_SECONDS:
         return "over 1000 d"
     unit = [unit for unit in SECONDS if unit == "s" or seconds >= 2 * SECONDS[unit]][-1]
     value = seconds / SECONDS[unit]

@@ -22,7 +22,7 @@ SAFETY = 1.3
 """Times as much as was measured: other data, other libraries."""
 SMALL = 50_000_000
 """Bytes that are never refused, and asked after: whatever runs at all has them."""
-MOST, MAX_DIGITS = 1e30, 1e12
+MAX_TOLD, MAX_DIGITS = 1e30, 1e12
 """Bytes and seconds beyond which all are alike, and numbers that are not written out."""
 
 
@@ -77,7 +77,7 @@ class Need:
 
     def _cure(self, needed: float, free: float) -> str:
         """Return what would take less, and the step that takes no more than there is."""
-        if self.step is None or free <= 0 or needed >= MOST:
+        if self.step is None or free <= 0 or needed >= MAX_TOLD:
             return self.cure
         return f"{self.cure}, {_rounded_up(self.step * (needed / free) ** (1 / self.power)):.2g} or more"
 
@@ -100,8 +100,8 @@ def require_resources(cost: float | Cost, what: str, cure: str, *, step: float |
 def need_of(cost: float | Cost, what: str, cure: str, *, step: float | None = None, power: int = 2) -> Need:
     """Return the need of work that was measured to hold so many bytes, or to cost so much."""
     cost = cost if isinstance(cost, Cost) else Cost(cost)
-    seconds = SAFETY * min(cost.seconds, MOST)
-    return Need(round(SAFETY * min(cost.bytes, MOST)), what, cure, step, power, seconds)
+    seconds = SAFETY * min(cost.seconds, MAX_TOLD)
+    return Need(round(SAFETY * min(cost.bytes, MAX_TOLD)), what, cure, step, power, seconds)
 
 
 def in_words(count: float) -> str:

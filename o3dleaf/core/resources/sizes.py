@@ -10,8 +10,8 @@ DECIMAL = {"B": 0, "KB": 1, "MB": 2, "GB": 3, "TB": 4}
 BINARY = {"KIB": 1, "MIB": 2, "GIB": 3, "TIB": 4}
 """Powers of 1024."""
 FORM = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*([A-Za-z]+)\s*")
-MOST = 999e12
-LEAST = 1_000_000
+MAX_SIZE = 999e12
+MIN_SIZE = 1_000_000
 """Bytes below which a limit is mistyped: nothing runs in less than a megabyte."""
 
 
@@ -26,19 +26,19 @@ def parse_size(size: str | int) -> int:
     count = _bytes_of(size) if isinstance(size, str) else _whole(size)
     if count is None:
         raise InputError(f"memory: is {size!r}; give a size with its unit, such as 2GB or 500MB")
-    if count < LEAST:
+    if count < MIN_SIZE:
         raise InputError(f"memory: {size!r} is below a megabyte; give a size such as 2GB or 500MB")
     return count
 
 
 def about(count: float) -> str:
     """Return a predicted size: "about 5.3 GB"."""
-    return size_in_words(count) if count >= MOST else f"about {size_in_words(count)}"
+    return size_in_words(count) if count >= MAX_SIZE else f"about {size_in_words(count)}"
 
 
 def size_in_words(count: float) -> str:
     """Return bytes as a text of two or three digits: "5.3 GB"; what is beyond all memory is "over 999 TB"."""
-    if count >= MOST:
+    if count >= MAX_SIZE:
         return "over 999 TB"
     for unit, power in reversed(DECIMAL.items()):
         if count >= 1000**power or unit == "MB":

@@ -31,7 +31,7 @@ whether what is around is sparser."""
 FEWEST = 2
 """The same for balls of so few points that they cannot be told to be in one place."""
 
-MOST = 2 / 3
+MAX_SHARE = 2 / 3
 """Share of the least number of a ball's points above which no more cells are asked for: points share some at random."""
 
 SIDES = (1 / 2, 1.0, 2.0, 4.0)
@@ -63,9 +63,9 @@ def widen_clusters(cover: Cover, points: FloatArray, least: int) -> Cover:
     terms = (dimension + 1) * (dimension + 2) // 2
     full = cover.counts > least
     spacing = cover.radii[full] / cover.counts[full] ** (1 / dimension)
-    if MOST * least < FEWEST * terms or not len(spacing) or spacing.max() < CONTRAST * spacing.min():
+    if MAX_SHARE * least < FEWEST * terms or not len(spacing) or spacing.max() < CONTRAST * spacing.min():
         return cover
-    few = np.flatnonzero(_occupied(points, cover) < min(TIMES * terms, MOST * least))
+    few = np.flatnonzero(_occupied(points, cover) < min(TIMES * terms, MAX_SHARE * least))
     tree, wider = cKDTree(points), dict[int, IntArray]()
     octaves = np.floor(np.log2(cover.radii[few]))
 

@@ -30,7 +30,7 @@ itself does, and beyond a step by a tenth of it, next to the step alone."""
 GUARD = 2
 """Voxels beyond a ball that are looked at as well: the surface is less than one from a voxel on the other side, and the
 edge of a lattice as fine as the voxels ends one farther."""
-MOST = 3
+MAX_AVERAGED = 3
 """Voxels along each axis that are averaged at most: what that moves stays within the guard."""
 PART = 1 << 18
 """Voxels that are looked at together, at least a row of tiles: sums of them take two MiB at most."""
@@ -67,7 +67,7 @@ class LatticeBand:
         """
         order = np.argsort(data.strides)[::-1]
         sides, around = tile[order].tolist(), (reach[order] + GUARD).tolist()
-        window, windows = int(np.clip(averaged ** (1 / data.ndim) + 1e-9, 1, MOST)), []
+        window, windows = int(np.clip(averaged ** (1 / data.ndim) + 1e-9, 1, MAX_AVERAGED)), []
         for size, side, more in zip(np.array(data.shape)[order].tolist(), sides, around, strict=True):
             starts, before = np.minimum(np.arange(0, size, side), size - side).tolist(), more + window - 1
             windows.append([slice(max(first - before, 0), first + side + more) for first in starts])

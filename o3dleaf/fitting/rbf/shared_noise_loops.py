@@ -16,7 +16,7 @@ import numpy as np
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.reflector_loops import subtract
 
-LEAST_SLOPE = 1e-2
+MIN_SLOPE = 1e-2
 """Share of the data's slope that a fit has at least when its errors are judged by it."""
 
 
@@ -223,5 +223,5 @@ def judged(sums):
     squares, (weight, rises) = sums.squares.copy(), sums.totals
     if rises > 0.0:
         for k in range(squares.size):
-            squares[k] /= max(1.0 + sums.slopes[k] / rises, LEAST_SLOPE) ** 2
+            squares[k] /= max(1.0 + sums.slopes[k] / rises, MIN_SLOPE) ** 2
     return squares, weight

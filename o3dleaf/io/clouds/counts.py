@@ -10,7 +10,7 @@ from o3dleaf.io.stl import TRIANGLE, is_binary
 
 HEAD = 1 << 16
 """Bytes of a text that are looked at."""
-LEAST = 4
+MIN_POINT_BYTES = 4
 """Bytes of a point where nothing is known: packed in E57 and LAZ, in a line "1 2 3"."""
 TRIANGLE_BYTES = {".stl": TRIANGLE.itemsize, ".obj": 30}
 """Of a triangle at least: of OBJ half a vertex and three numbers."""
@@ -52,7 +52,7 @@ def _in_pcd(file: Path, head: bytes, size: int) -> int:
 
 def _in_e57(file: Path, head: bytes, size: int) -> int:
     del file, head
-    return size // LEAST
+    return size // MIN_POINT_BYTES
 
 
 def _in_stl(file: Path, head: bytes, size: int) -> int:
@@ -63,7 +63,7 @@ def _in_stl(file: Path, head: bytes, size: int) -> int:
 def _in_text(file: Path, head: bytes, size: int) -> int:
     del file
     lines = head.splitlines()[1:-1] or [head]
-    return size // max(sum(map(len, lines)) // len(lines) + 1, LEAST)
+    return size // max(sum(map(len, lines)) // len(lines) + 1, MIN_POINT_BYTES)
 
 
 COUNTS: dict[str, Callable[[Path, bytes, int], int]] = {

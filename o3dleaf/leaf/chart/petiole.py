@@ -16,7 +16,7 @@ from o3dleaf.leaf.chart.stalk.point_ways import PointWays
 from o3dleaf.leaf.chart.stalk.sections import sections_along
 from o3dleaf.leaf.chart.stalk.stretches import find_stretch
 
-MOST = 20_000
+MAX_POINTS = 20_000
 """Points among which a petiole is looked for, at most; the junction is found among all."""
 FEWEST = 24
 """Points of a leaf at least, as of a sheet."""
@@ -86,8 +86,8 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
     if len(points) < FEWEST:
         return blade, found
     some = np.arange(len(points))
-    if len(points) > MOST:
-        some = np.sort(np.random.default_rng(0).permutation(len(points))[:MOST])
+    if len(points) > MAX_POINTS:
+        some = np.sort(np.random.default_rng(0).permutation(len(points))[:MAX_POINTS])
     ways = PointWays(points[some])
     coarse = float(np.sqrt(np.median(ways.cells)))
     spacing = coarse * float(np.sqrt(len(some) / len(points)))

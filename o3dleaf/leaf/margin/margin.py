@@ -39,7 +39,7 @@ from o3dleaf.leaf.margin.tip_ends import with_ends
 
 FUSE = 0.02
 """The covered region is grown by this many spacings, so that triangles which meet in a corner alone are one piece."""
-LEAST_HOLE = 6.0
+MIN_HOLE = 6.0
 """Cells that a hole has at least, once the leaf has grown into it: less is one point that is not there by chance."""
 ROOM = 1.05
 """Times the width of a hole that is named to fill it: more than a figure of three digits is rounded by."""
@@ -215,7 +215,7 @@ def _rings(region: SampleRegion, local: Spacing, noise: float) -> list[FloatArra
         area = area_of(number) if number or sample.noise != noise else outer
         if area.is_empty:
             continue
-        if number and area.area < LEAST_HOLE * np.median(local(shapely.get_coordinates(area.exterior))) ** 2:
+        if number and area.area < MIN_HOLE * np.median(local(shapely.get_coordinates(area.exterior))) ** 2:
             continue  # no hole, once the leaf around it is whole
         curves.append(_finished(area, sample, hole=bool(number)))
     return curves

@@ -18,7 +18,7 @@ COUNT_WIDTH = 4.0
 """The same for the number of points along a ring, which is noisier than their places."""
 CREASE_WIDTH = 0.5
 """The same for creases where growth has met itself."""
-MOST_NOISE = 0.75
+MAX_NOISE = 0.75
 """Spacings of noise that growth is corrected for; more is taken for passes that disagree, which do not blur an edge."""
 
 
@@ -85,7 +85,7 @@ def margin_ring(
         That area.
     spacing : Spacing
     noise : float
-        Deviation of the points in the plane; it counts up to `MOST_NOISE` spacings.
+        Deviation of the points in the plane; it counts up to `MAX_NOISE` spacings.
     """
     places, local, taken = resample(ring, spacing)
     curve = smooth(places, WIDTH / STEP)
@@ -98,7 +98,7 @@ def margin_ring(
     points = gaussian_filter1d(np.bincount(nearest, missing, minlength=len(at)), COUNT_WIDTH / STEP, mode="wrap")
     sides = np.hypot(*(np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)).T) / 2
     run = gaussian_filter1d(sides, COUNT_WIDTH / STEP, mode="wrap")
-    growth = without_noise(points / np.maximum(run, 1e-3 * local), np.minimum(noise, MOST_NOISE * local))
+    growth = without_noise(points / np.maximum(run, 1e-3 * local), np.minimum(noise, MAX_NOISE * local))
     return curve, np.clip(growth, 0, 1.5 * local)
 
 

@@ -44,9 +44,9 @@ FAR = 3.0
 """Noise deviations off the surface within which a point beyond the sheet lies on its continuation, or `NEAR`."""
 BEYOND = 6.5
 """Spacings from the sheet within which it may: the widest gap that a sheet's triangles join."""
-MOST_EXTENSIONS = 3
+MAX_EXTENSIONS = 3
 """Times that such points are looked for, each on the surface through those before."""
-MOST_STRETCHED = 0.1
+MAX_STRETCHED = 0.1
 """Share of the surface that may be stretched below a half or above twice: what more of is no leaf's, but lies between
 a leaf and what it rests on. Of scans that fold over themselves in places it is half of that."""
 HIDDEN_LENGTH, HIDDEN_AREA = 0.1, 0.01
@@ -89,7 +89,7 @@ def build_parametric_blade(
         fit = fit_chart_surface(points[rows], mesh, smoothing=options.smoothing, unit=unit)
         laid = fit.mesh
         with _pieces_named(scan, sheet, options):
-            require_low_distortion(laid.vertices, laid.triangles, laid.chart, MOST_STRETCHED, STEPPED)
+            require_low_distortion(laid.vertices, laid.triangles, laid.chart, MAX_STRETCHED, STEPPED)
         fit, leftovers = _with_tips(fit, points, sheet)
     # Where the leaf ends: a smooth closed curve in the chart, past the outermost points.
     with journal.stage("find margin"):
@@ -198,7 +198,7 @@ def _with_tips(fit: SurfaceFit, scan: FloatArray, sheet: OpenSheet) -> tuple[Sur
     leftovers = sheet.leftovers
     if leftovers is None:
         return fit, ()
-    for _ in range(MOST_EXTENSIONS):
+    for _ in range(MAX_EXTENSIONS):
         rows = leftovers.beyond(BEYOND)
         if not len(rows):
             break

@@ -39,7 +39,7 @@ FOLDED = 1 / np.pi
 shows. A crease is a bend less tight than that, and stays."""
 STIFFER = 4.0
 """Factor of the smoothing from one fit to the next where the surface is folded: the bandwidth's is its fifth root."""
-MOST_RAISES = 4
+MAX_RAISES = 4
 """Fits with more smoothing at most: the bandwidth has then become three times as wide."""
 COARSER = 1.4
 """Side in spacings of the triangles on which a finished surface is relaxed: half as many vertices as points. Through
@@ -192,7 +192,7 @@ def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -
     if first is None or problem.choice is None:
         return settled, ()
     raised, best, radius = 1.0, settled, first.radius
-    for raises in range(1, MOST_RAISES + 1):
+    for raises in range(1, MAX_RAISES + 1):
         settled = _settle(replace(problem, smoothing=STIFFER**raises * problem.smoothing), mesh, near)
         fold = settled.fold
         if fold is None or fold.radius > radius:

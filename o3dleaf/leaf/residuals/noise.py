@@ -8,9 +8,9 @@ from o3dleaf.core.trees import query
 
 NEIGHBORS = 6
 """Points whose residuals a point's is compared with: near ones, over which the blade's own errors hardly change."""
-MOST = 20_000
+MAX_POINTS = 20_000
 """Points at which the noise is measured, which gives it to a hundredth."""
-LEAST = 0.25
+SMALLEST_SHARE = 0.25
 """Share of the differences that is looked at, the smallest: of two passes that disagree half are of one pass."""
 QN = 2.2191
 """That quantile of differences of normal errors to their standard deviation (Rousseeuw and Croux 1993)."""
@@ -30,7 +30,7 @@ def local_noise(feet: FloatArray, distance: FloatArray) -> float:
         Signed, of the points from the blade.
     """
     own, others = _beside(feet, distance, NEIGHBORS)
-    return QN * float(np.quantile(np.abs(others - own), LEAST))
+    return QN * float(np.quantile(np.abs(others - own), SMALLEST_SHARE))
 
 
 def shared_residual(feet: FloatArray, distance: FloatArray) -> float:
@@ -49,7 +49,7 @@ def shared_residual(feet: FloatArray, distance: FloatArray) -> float:
 
 
 def _beside(feet: FloatArray, distance: FloatArray, neighbors: int) -> tuple[FloatArray, FloatArray]:
-    """Return the distances (m, 1) of at most `MOST` of the points, and (m, k) of the nearest other ones."""
-    rows = np.arange(0, len(feet), -(-len(feet) // MOST))
+    """Return the distances (m, 1) of at most `MAX_POINTS` of the points, and (m, k) of the nearest other ones."""
+    rows = np.arange(0, len(feet), -(-len(feet) // MAX_POINTS))
     _, near = query(cKDTree(feet), feet[rows], k=range(2, min(neighbors + 1, len(feet)) + 1))
     return distance[rows, np.newaxis], distance[near]

@@ -9,7 +9,7 @@ from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.blade.blade import Blade
 
-MOST_UNEVEN = 3.0
+MAX_UNEVENNESS = 3.0
 """Times the mean spacing that the median one is at most: of a scan that lies elsewhere it would be anything."""
 NEIGHBORS = 8
 """Points in the disc whose area tells the spacing around a place; their number's median is a third less in it."""
@@ -58,4 +58,4 @@ def measure_spacing(feet: FloatArray, world: FloatArray, area: FloatArray) -> fl
     share = np.cumsum(area[order])
     middle = radius[order[np.searchsorted(share, share[-1] / 2)]]
     mean = np.sqrt(share[-1] / len(feet))
-    return float(min(middle * np.sqrt(np.pi / (count - 1 / 3)), MOST_UNEVEN * mean))
+    return float(min(middle * np.sqrt(np.pi / (count - 1 / 3)), MAX_UNEVENNESS * mean))

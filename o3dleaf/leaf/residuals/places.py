@@ -13,11 +13,11 @@ from o3dleaf.core.mesh_arrays import BoolArray
 
 JOINED = 4.0
 """Spacings between points of one place."""
-MOST = 5_000
+MAX_POINTS = 5_000
 """Points that places are found among; of more, as many of them, evenly."""
 PLACES = 3
 """Places that are named, the largest first."""
-LEAST = 0.1
+MIN_SHARE = 0.1
 """Share of all that is not held that a place has at least: below, it is scattered."""
 
 
@@ -52,14 +52,14 @@ def find_places(points: FloatArray, chosen: BoolArray, spacing: float) -> tuple[
     rows = np.flatnonzero(chosen)
     if not len(rows):
         return ()
-    every = -(-len(rows) // MOST)
+    every = -(-len(rows) // MAX_POINTS)
     few = points[rows[::every]]
     # Of every k-th point of a surface the next one is √k times as far.
     pairs = cKDTree(few).query_pairs(JOINED * spacing * float(np.sqrt(every)), output_type="ndarray")
     graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(few), len(few)))
     _, group = connected_components(graph, directed=False)
     shares = np.bincount(group) / len(few)
-    largest = [number for number in np.argsort(-shares, kind="stable")[:PLACES] if shares[number] >= LEAST]
+    largest = [number for number in np.argsort(-shares, kind="stable")[:PLACES] if shares[number] >= MIN_SHARE]
     whole = len(rows) / len(points)
     decimals = int(np.ceil(-np.log10(spacing or 1.0)))
     return tuple(Place(_middle(few[group == number], decimals), float(shares[number] * whole)) for number in largest)

@@ -14,7 +14,7 @@ from o3dleaf.core.resources.scratch import ROWS
 
 Sizes = dict[str, int]
 
-MOST = np.iinfo(np.int64).max
+MAX_INT64 = np.iinfo(np.int64).max
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Array:
     kind: type[np.generic]
     shape: tuple[str, ...]
     least: int = 0
-    most: int | str = MOST
+    most: int | str = MAX_INT64
     rising: bool = False
     optional: bool = False
 
@@ -74,7 +74,7 @@ def floats(*shape: str, optional: bool = False) -> Array:
     return Array(np.float64, shape, optional=optional)
 
 
-def whole(*shape: str, least: int = 0, most: int | str = MOST) -> Array:
+def whole(*shape: str, least: int = 0, most: int | str = MAX_INT64) -> Array:
     """Return an array of int64 within a range."""
     return Array(np.int64, shape, least, most)
 

@@ -13,7 +13,7 @@ NEIGHBORS = 12
 LINEAR = 0.05
 """Difference of the second and third variance of such neighbors, of the first, up to which they lie on a line: of an
 even sample it is 0.15 and more, noise of a spacing included, but for one point in thirty."""
-MOST = 0.1
+MIN_SHARE_ON_LINES = 0.1
 """Share of points on lines from which on a scan is one of lines. Of random points on a leaf three wide and more it is a
 fiftieth, of the real leaves that were tried a ninetieth, of lines four times denser along than across a seventh."""
 BESIDE = 0.25
@@ -33,7 +33,7 @@ def without_scan_lines(points: FloatArray) -> IntArray:
     rows = np.arange(len(points))
     for _ in range(ROUNDS):
         linear, spacing = _along_lines(points[rows])
-        if linear.mean() < MOST:
+        if linear.mean() < MIN_SHARE_ON_LINES:
             break
         rows = rows[thin(points[rows], np.where(linear, COARSER * spacing, 0.0))]
     return rows

@@ -42,7 +42,7 @@ from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.topology import find_holes
 from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
 
-MOST = 20_000
+MAX_POINTS = 20_000
 """Points that a sheet is made of at most; a chart needs no more, and the surface is fitted to all of them later."""
 FEWEST = 24
 """Points of a sheet at least, as `detect_outliers` has it."""
@@ -187,7 +187,7 @@ def _with_strays(sheet: OpenSheet, scan: FloatArray, used: IntArray) -> OpenShee
 
 def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> tuple[OpenSheet, Resting | None]:
     """Return the sheet through the points `pool` (k,) of a scan (n, 3), and leaves of them that rest on one another."""
-    some = pool[thinned(len(pool), -(-len(pool) // MOST))]
+    some = pool[thinned(len(pool), -(-len(pool) // MAX_POINTS))]
     some = some[without_scan_lines(scan[some])]
     solved = _solve(scan, some, one_sheet=one_sheet)
     sheets, spacing = solved.sheets, solved.sheets.spacing

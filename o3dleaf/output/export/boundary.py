@@ -18,7 +18,7 @@ from o3dleaf.output.export.particle_loops import thin_samples
 from o3dleaf.output.export.particles import Particles, cover_surface, require_closed
 from o3dleaf.output.export.thinning import sort_into_cubes
 
-LEAST = 0.75
+MIN_DISTANCE = 0.75
 """Least distance r of two particles, of the spacing: one has about 1.75 r² to itself, hence spacing²."""
 CANDIDATES = 3
 """Particles are chosen among samples that are as much nearer together: nine to one."""
@@ -78,7 +78,7 @@ def sample_boundary(
     step, surface = require_positive(spacing, "spacing"), MeshData.of(mesh, labels, unit)
     if layers > 1:
         require_closed(surface)
-    points, triangle, shares = cover_surface(surface, step * LEAST / CANDIDATES, step, seed, layers)
+    points, triangle, shares = cover_surface(surface, step * MIN_DISTANCE / CANDIDATES, step, seed, layers)
     normals = unit_rows(face_vectors(surface.vertices[surface.triangles[triangle]]))
     sample = np.arange(len(points))
     if field is not None:
@@ -94,7 +94,7 @@ def sample_boundary(
         places, of = [*places, below[deep]], [*of, sample[deep]]
         layer.append(np.full(int(deep.sum()), k))
     found, sampled, layer_of = np.concatenate(places), np.concatenate(of), np.concatenate(layer)
-    kept = _thinned(found, [len(each) for each in places], step * LEAST, seed)
+    kept = _thinned(found, [len(each) for each in places], step * MIN_DISTANCE, seed)
     sizes = _areas_below(found, layer_of, shares[sampled], kept)
     own = None if surface.labels is None else surface.labels[triangle[sampled[kept]]]
     return Particles(found[kept], normals[sampled[kept]], sizes, own, surface.unit, layer_of[kept])

@@ -31,7 +31,7 @@ PAPER = np.array([0.955, 0.965, 0.950])
 
 PIXELS, VECTORS = (".png", ".jpg", ".jpeg"), (".pdf", ".svg")
 SUFFIXES = PIXELS + VECTORS
-FEWEST, MOST = 64, 30_000
+MIN_SIZE, MAX_SIZE = 64, 30_000
 """Pixels of a side; Matplotlib draws below 2^16."""
 ENGINES = ("cpu", "open3d", "auto")
 
@@ -160,8 +160,8 @@ def draw_page(
 
     `dpi`, pixels an inch, says how large it is in a PDF.
     """
-    if not FEWEST <= min(size) <= max(size) <= MOST:
-        raise InputError(f"size: is {size}; give a width and a height of {FEWEST} to {MOST:,} pixels")
+    if not MIN_SIZE <= min(size) <= max(size) <= MAX_SIZE:
+        raise InputError(f"size: is {size}; give a width and a height of {MIN_SIZE} to {MAX_SIZE:,} pixels")
     require_resources(measured.PIXEL * (size[0] * size[1]), f"size: {size[0]:,} × {size[1]:,} pixels", "give fewer")
     unit = check_unit(subject.unit)
     details = [inset if isinstance(inset, Inset) else Inset(inset) for inset in insets]

@@ -25,7 +25,7 @@ MAX_POINTS = 256
 They tell σ at a place to 4 %; the median of all places is off by as much."""
 WIDE = 4.5
 """Standard deviations of the noise that the radius of a patch must have: in narrower ones the plane follows noise."""
-LEAST = 12
+MIN_POINTS = 12
 """Points of a patch on the side of its middle, of fewer a larger one is taken: twice what a quadric takes."""
 NARROW, WIDER = 10, 16
 """Points of two patches at a place, by which noise is told from shape."""
@@ -106,7 +106,7 @@ def measure_places(patches: Patches, normals: FloatArray | None = None) -> Place
         if count > len(points) or not len(unknown):
             break
         distance, used = patches.nearest(count, unknown)
-        residual, area, inside = _measure(points, normals, rows[unknown], used, LEAST)
+        residual, area, inside = _measure(points, normals, rows[unknown], used, MIN_POINTS)
         wide = distance[:, -1] >= WIDE * residual
         noise[unknown[wide]] = residual[wide]
         counted = max(1, count // MAX_POINTS) * inside[wide]

@@ -12,7 +12,7 @@ from o3dleaf.surface.isosurface.cell_loops import DIRECTIONS
 BATCH_SIZE = 1 << 18
 """Points at which a field is evaluated at once."""
 
-PROBES, MOST = 4096, 0.25
+PROBES, MAX_NEAR = 4096, 0.25
 """Samples by which it is judged whether rough values pay, and the share of them that may lie too near to the level."""
 
 ROUNDINGS = 16
@@ -36,7 +36,7 @@ def sample_level(field: Field, lattice: BoxedLattice, level: float, method: int)
     if not (isinstance(field, HasRough) and lattice.is_within(field.bounds)):
         return lattice.sample(field)
     error = field.rough_error
-    if not np.isfinite(error) or _share_near(field, lattice, level, error) > MOST:
+    if not np.isfinite(error) or _share_near(field, lattice, level, error) > MAX_NEAR:
         return lattice.sample(field)
     rough = field.rough_on(lattice.lattice)
     samples = lattice.sample(field.rough) if rough is None else rough.astype(np.float64)

@@ -10,7 +10,7 @@ from o3dleaf.surface.mesh.topology import EdgeTable
 
 SWEEPS = 12
 """Over the corners of flipped triangles: each sweep can free the next ring around a knot."""
-MOST = 0.02
+MAX_FLIPPED = 0.02
 """Share of the triangles that may be flipped for it to be tried: more is no matter of single corners."""
 
 
@@ -26,7 +26,7 @@ def untangle(chart: FloatArray, triangles: IntArray) -> FloatArray | None:
         flipped = np.flatnonzero(~(chart_areas(chart, triangles) > 0))
         if not len(flipped):
             return None if winds_twice(chart, triangles) else chart
-        if len(flipped) > max(2, MOST * len(triangles)):
+        if len(flipped) > max(2, MAX_FLIPPED * len(triangles)):
             return None
         for vertex in np.unique(triangles[flipped]):
             around = triangles[(triangles == vertex).any(axis=1)]

@@ -33,7 +33,7 @@ that is missed costs more. Nine units of twice the gain in log likelihood would 
 miss bays of ten spacings."""
 SPREAD = 2.0
 """Bandwidths to both sides of such a place in which the softer curve stays."""
-MOST_MOVED = 1.5
+MAX_MOVE = 1.5
 """Spacings that the curve may move."""
 NOT_ACROSS = 0.8
 """Share of the way to the axis of a tip that a flank may go: it does not cross the other one."""
@@ -124,7 +124,7 @@ def most_likely(
         pull = gradient - stays * moved - bent.transposed(weights * (bent.of(moved) + frame.bend))
         way = penalty.solve(curvature + stays + DAMPING, pull)
         way = np.clip(way, -0.5, 0.5)
-        moved = np.clip(moved + way, np.maximum(-MOST_MOVED, -NOT_ACROSS * frame.half_width), MOST_MOVED)
+        moved = np.clip(moved + way, np.maximum(-MAX_MOVE, -NOT_ACROSS * frame.half_width), MAX_MOVE)
         if np.abs(way).max() < CONVERGED:
             break
     return moved

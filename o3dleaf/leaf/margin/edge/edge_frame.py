@@ -12,7 +12,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.edge.edge_score import blurred
 from o3dleaf.leaf.margin.edge.third_differences import SHIFTS, ThirdDifferences
-from o3dleaf.leaf.margin.margin_curve import MOST_NOISE, Spacing, resample
+from o3dleaf.leaf.margin.margin_curve import MAX_NOISE, Spacing, resample
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
 NODE_STEP = 0.5
@@ -37,7 +37,7 @@ class EdgeSample:
     local : Spacing
         The points, with their spacing.
     noise : float
-        Their deviation in the plane; it counts up to `MOST_NOISE` spacings.
+        Their deviation in the plane; it counts up to `MAX_NOISE` spacings.
     randomness : float
         Share of the way that is gone: a lattice, 0, has rows along its edge, and its points are not independent.
     filled : shapely.Geometry
@@ -84,7 +84,7 @@ def edge_frame(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> Edg
     normals, half_width = _normals(curve, rows), _half_widths(curve, spacing, rows)
     gap = shapely.distance(shapely.points(curve), sample.filled) <= BESIDE * spacing
     observed = (half_width >= NARROW) & ~gap
-    part = np.minimum(sample.noise / spacing, MOST_NOISE)
+    part = np.minimum(sample.noise / spacing, MAX_NOISE)
     blur = blurred(part).blur
     points = np.asarray(sample.local.tree.data)
     reach = float((INSIDE * blur * spacing).max())

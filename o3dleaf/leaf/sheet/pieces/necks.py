@@ -17,7 +17,7 @@ NARROW = 0.5
 wide again, but for its petiole. It is told, and nothing is cut that was not asked for."""
 RAGGED = 2.0
 """Edges that a rim is ragged by, one on either side of a neck: so much may be missing of what is narrow by chance."""
-LEAST = 0.1
+MIN_PART = 0.1
 """Share of the sheet's area that a part has at least; less is a shred of a margin."""
 
 
@@ -77,7 +77,7 @@ def _parts(
 ) -> tuple[IntArray, list[int]]:
     """Return the part (v,) of each vertex, and a vertex in each neck between them."""
     parent, peak, size = np.full(len(depth), -1), depth.copy(), area.copy()
-    whole = LEAST * float(area[np.isfinite(depth)].sum())
+    whole = MIN_PART * float(area[np.isfinite(depth)].sum())
     met: dict[tuple[int, int], int] = {}
 
     def root(of: int) -> int:

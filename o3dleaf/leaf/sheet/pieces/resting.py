@@ -29,7 +29,7 @@ NARROW = 0.5
 most, as of necks: where it is longer nothing shows which points are whose."""
 SIDES = 0.9
 """Share of the points that lie over or under others from which on these may be the two sides of one leaf."""
-LEAST = 0.1
+MIN_SHARE = 0.1
 """Share of the points of both that a leaf has at least, as in `find_necks`."""
 BATCH_SIZE = 2048
 
@@ -75,7 +75,7 @@ class _TwoLeaves(NamedTuple):
     @property
     def is_shred(self) -> bool:
         """Whether the lesser one is too small for a leaf."""
-        return self.lesser < LEAST * int(np.count_nonzero(self.above | self.below))
+        return self.lesser < MIN_SHARE * int(np.count_nonzero(self.above | self.below))
 
 
 def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: IntArray) -> Resting | None:

@@ -22,7 +22,7 @@ NEAR = 48
 """Triangles around one that tell the density there: those of 24 points."""
 MEDIAN = 0.376
 """Median area of the Delaunay triangles of random points, in squared spacings."""
-LEAST = 2 / 3
+MIN_IN_ONE_PIECE = 2 / 3
 """Share of the area at least that stays in one piece; less, and the gaps are those between scan lines."""
 
 
@@ -59,7 +59,7 @@ def find_slits(vertices: FloatArray, triangles: IntArray) -> Slits | None:
         slits = [rows for rows in gaps if is_sure[rows].any()]
         if slits:
             kept = _largest(triangles, sheet.area, np.concatenate(slits))
-            if sheet.area[kept].sum() >= LEAST * sheet.area.sum():
+            if sheet.area[kept].sum() >= MIN_IN_ONE_PIECE * sheet.area.sum():
                 found = Slits(kept, _told(sheet, slits))
     return found
 

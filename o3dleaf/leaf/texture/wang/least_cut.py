@@ -10,7 +10,7 @@ from o3dleaf.core.mesh_arrays import BoolArray
 
 SCALE = 1e5
 """Units of a whole mismatch, that of any two points: flows are counted in whole numbers."""
-MOST = 2**30
+UNCUTTABLE = 2**30
 """Capacity of what may not be cut."""
 
 
@@ -30,7 +30,7 @@ def least_cut(cost: FloatArray, keeps: BoolArray, takes: BoolArray) -> tuple[Boo
     """
     number = np.arange(cost.size).reshape(cost.shape)
     # One more unit for a link, so that of equal cuts the shorter is less.
-    units = np.minimum(np.round(SCALE * cost), MOST >> 2).astype(np.int64)
+    units = np.minimum(np.round(SCALE * cost), UNCUTTABLE >> 2).astype(np.int64)
     parts = []
     for here, there in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         weight = (units[here] + units[there] + 1).ravel()
@@ -39,7 +39,7 @@ def least_cut(cost: FloatArray, keeps: BoolArray, takes: BoolArray) -> tuple[Boo
     source, sink = cost.size, cost.size + 1
     for ends, mask in ((True, keeps), (False, takes)):
         at = number[mask]
-        pole, most = np.full(len(at), source if ends else sink), np.full(len(at), MOST)
+        pole, most = np.full(len(at), source if ends else sink), np.full(len(at), UNCUTTABLE)
         parts.append((pole, at, most) if ends else (at, pole, most))
     rows, columns, capacity = (np.concatenate(part) for part in zip(*parts, strict=True))
     graph = csr_array((capacity.astype(np.int32), (rows, columns)), shape=(cost.size + 2, cost.size + 2))

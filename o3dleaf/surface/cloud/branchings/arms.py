@@ -32,7 +32,7 @@ MIN_ANGLE = np.radians(35.0)
 """Between two arms: sheets that meet at less touch, and their planes turn into one another."""
 TWO_SIDED = 0.25
 """Share of an arm's normals that point to its other side from which on it is a thin solid's, two sheets."""
-MOST = 8
+MAX_ARMS = 8
 """Arms counted at most."""
 
 
@@ -97,22 +97,22 @@ def count_arms(axes: Axes, tree: cKDTree, noise: FloatArray, normals: FloatArray
     arm = _label(ring)
     most = np.zeros(ring.lines, np.int64)
     np.maximum.at(most, ring.owner, arm)
-    good = (most >= 3) & (most <= MOST)
+    good = (most >= 3) & (most <= MAX_ARMS)
     whole = np.bincount(ring.owner, minlength=ring.lines)
     good &= np.bincount(ring.owner, arm > 0, ring.lines) >= EXPLAINED * whole
     on = (arm > 0) & good[ring.owner]
-    key = ring.owner[on] * MOST + arm[on] - 1
-    real = np.arange(MOST) < most[:, np.newaxis]
+    key = ring.owner[on] * MAX_ARMS + arm[on] - 1
+    real = np.arange(MAX_ARMS) < most[:, np.newaxis]
     shell = np.minimum(((ring.radius[on] - INNER) / (OUTER - INNER) * SHELLS).astype(np.int64), SHELLS - 1)
-    held = np.bincount(key * SHELLS + shell, minlength=ring.lines * MOST * SHELLS).reshape(-1, MOST, SHELLS)
+    held = np.bincount(key * SHELLS + shell, minlength=ring.lines * MAX_ARMS * SHELLS).reshape(-1, MAX_ARMS, SHELLS)
     enough = held >= np.maximum(FEWEST, MIN_SHARE * held.max(axis=1, keepdims=True))
-    off, heading = _fit(key, ring.place[on], ring.radius[on], ring.lines * MOST)
-    thin = off.reshape(-1, MOST) <= (NOISES * noise / axes.spacing + THICK)[:, np.newaxis]
+    off, heading = _fit(key, ring.place[on], ring.radius[on], ring.lines * MAX_ARMS)
+    thin = off.reshape(-1, MAX_ARMS) <= (NOISES * noise / axes.spacing + THICK)[:, np.newaxis]
     good &= (thin & (held.sum(axis=2) >= SHELLS * FEWEST) | ~real).all(axis=1)
-    angle = _least_angle(np.where(real, heading.reshape(-1, MOST), np.nan))
+    angle = _least_angle(np.where(real, heading.reshape(-1, MAX_ARMS), np.nan))
     good &= angle >= MIN_ANGLE
     if normals is not None:
-        most = most + _two_sided(ring, on, key, axes, normals).reshape(-1, MOST).sum(axis=1)
+        most = most + _two_sided(ring, on, key, axes, normals).reshape(-1, MAX_ARMS).sum(axis=1)
     return Arms(np.where(good, most, 0), angle, (enough.all(axis=2) | ~real).all(axis=1))
 
 
@@ -133,8 +133,8 @@ def _label(ring: _Ring) -> IndexArray:
 def _two_sided(
     ring: _Ring, on: npt.NDArray[np.bool_], key: IndexArray, axes: Axes, normals: FloatArray
 ) -> npt.NDArray[np.bool_]:
-    """Return which arms (m * MOST,) have normals to both of their sides."""
-    place, count = ring.place[on], ring.lines * MOST
+    """Return which arms (m * MAX_ARMS,) have normals to both of their sides."""
+    place, count = ring.place[on], ring.lines * MAX_ARMS
     normal = np.einsum("pi,pij->pj", normals[ring.row[on]], axes.across[ring.owner[on]])
     mean = np.column_stack([np.bincount(key, place[:, axis], count) for axis in range(2)])
     left = mean[key, 0] * normal[:, 1] > mean[key, 1] * normal[:, 0]
@@ -165,7 +165,7 @@ def _fit(key: IndexArray, place: FloatArray, radius: FloatArray, count: int) -> 
 
 
 def _least_angle(heading: npt.NDArray[np.float64]) -> FloatArray:
-    """Return the least angle (m,) between two of the headings (m, MOST) of each row, those that are no number aside."""
+    """Return the least angle (m,) between two of the headings (m, MAX_ARMS) of each row, NaN aside."""
     ordered = np.sort(np.mod(heading, 2 * np.pi), axis=1)
     last = np.nanmax(np.where(np.isnan(ordered).all(axis=1, keepdims=True), 0.0, ordered), axis=1)
     around = ordered[:, 0] + 2 * np.pi - last
