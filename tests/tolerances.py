@@ -811,7 +811,8 @@ ON_MARGIN = (0.2, 0.5)
 0.3. Whole cells end up to a step and more inside."""
 
 ON_CONTINUATION = 1e-3
-"""Share of the vertices of the wheat leaf where two parts touch whose closest foot is on no leaf; found 8 of 53,807."""
+"""Share of the vertices of the wheat leaf, where two parts touch, whose closest foot is on no leaf; found 8 of 53,807.
+A mesh that ends half a step too far out has 0.07."""
 
 RIM_DISTANCE = 1e-5
 """Signed distance beside the rim of a slab's hole; the ends of its strips, by four steps of regula falsi, leave 2e-6.

@@ -13,12 +13,12 @@ from o3dleaf.core.arguments.allowed import PATH, SIMPLE, Allowed
 from o3dleaf.core.errors import InputError
 
 
-def _meant(annotation: Any) -> Any:
+def _unaliased(annotation: Any) -> Any:
     """Return what a name stands for that a `type` statement made, as NumPy's are since Python 3.12."""
     return getattr(annotation, "__value__", annotation)
 
 
-ARRAY_LIKE = frozenset(get_args(_meant(npt.ArrayLike)))
+ARRAY_LIKE = frozenset(get_args(_unaliased(npt.ArrayLike)))
 """Members of what `core.checks` makes clean arrays of."""
 COUNTS = {1: "one", 2: "two", 3: "three", 4: "four"}
 
@@ -45,7 +45,7 @@ def _meaning(annotation: Any, function: Callable[..., Any]) -> Any:
 
 def rule_of(annotation: Any) -> Allowed | None:
     """Return the rule of an annotation, or None where values of it cannot be told from others."""
-    annotation = _meant(annotation)
+    annotation = _unaliased(annotation)
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin in {Union, types.UnionType}:
         return None if {*inner} >= ARRAY_LIKE else _any_of(inner)

@@ -18,14 +18,15 @@ HALO = 8
 ROUNDS = 4
 """So often columns are taken inside for one another; each round sees a cell farther."""
 TINY = 1e-300
+"""Distance of a column on the margin itself that is taken inside."""
 
 OUTSIDE, CUT, WHOLE = range(3)
 """What an outline leaves of a place: nothing, what is to be looked at, or all of it."""
 
 
 EdgeThickness: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""The factors of heights (n,) that the way to the world has at (n, 2) flat places of a mesh's edge, and the ratios (n,)
-to them of those that the edge is to have: what is made of the edge lies beside it, by less than a step."""
+"""``thickness, ratio = edge(places)``: the factor τ (n,) of heights at (n, 2) flat places of a mesh's edge, and the
+ratio (n,) to it of τ on the margin, which the edge is given: its chords lie up to a step inside, where τ is greater."""
 
 
 @dataclass(frozen=True, eq=False)

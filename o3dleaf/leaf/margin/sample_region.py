@@ -18,6 +18,7 @@ from o3dleaf.leaf.margin.sample_spacing import (
     cell_sizes,
     cells_of,
     crude_spacing,
+    neighbors_of,
     spacing_between,
 )
 from o3dleaf.leaf.margin.sample_triangles import Triangulation, inner_points, triangulate
@@ -96,15 +97,17 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         If they lie on one line.
     """
     mesh = triangulate(points)
-    spacing, short, jump = crude_spacing(points, cKDTree(points)), FIRST_SHORT, CRUDE_JUMP
+    tree = cKDTree(points)
+    near = neighbors_of(points, tree)
+    spacing, short, jump = crude_spacing(points, tree), FIRST_SHORT, CRUDE_JUMP
     for _ in range(3):  # the crude spacing is too long at margins; the third pass changes it by less than a hundredth
-        kept, jump = _covered(mesh, spacing_between(points, mesh.triangles, spacing, jump), short), JUMP
+        kept, jump = _covered(mesh, spacing_between(near, mesh.triangles, spacing, jump), short), JUMP
         deep = _deep(mesh, kept, spacing)
         spacing = cell_sizes(points, cells_of(points, mesh.triangles[kept], mesh.areas[kept]), deep)
         within = _within(mesh, kept, deep)
         usual = mesh.reach[within] / spacing[mesh.triangles[within]].mean(axis=1)
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
-    size = spacing_between(points, mesh.triangles, spacing, JUMP)
+    size = spacing_between(near, mesh.triangles, spacing, JUMP)
     covered = _covered(mesh, size, short)
     kept, bridged, widest = _joined(mesh, covered, spacing, short)
     chance = _enclosed_by_chance(mesh, kept, size, short)

@@ -95,15 +95,21 @@ def cell_sizes(points: FloatArray, cells: FloatArray, deep: BoolArray) -> FloatA
     return size
 
 
-def spacing_between(points: FloatArray, triangles: IntArray, spacing: FloatArray, jump: float) -> FloatArray:
+def neighbors_of(points: FloatArray, tree: cKDTree) -> IntArray:
+    """Return the rows (n, k) of the nearest points of each, itself among them."""
+    near: IntArray = query(tree, points, k=min(NEIGHBORS, len(points)))[1]
+    return near.reshape(len(points), -1)
+
+
+def spacing_between(near: IntArray, triangles: IntArray, spacing: FloatArray, jump: float) -> FloatArray:
     """Return the spacing (m,) by which gaps between points are judged: the mean of a triangle's three corners.
 
     Where the density of a sample jumps it is the wider one. Beside dense points the neighbors of a sparse point are
     nearly all dense, and an average over them says that it is, too, up to some three of its spacings from the jump:
     the triangles of sparse points there passed for gaps. So each point hands its spacing on to all its neighbors, and a
-    triangle is as sparse as the sparsest that any of its corners was handed, if that is `jump` times the densest.
+    triangle is as sparse as the sparsest that any of its corners was handed, if that is `jump` times the densest. Of
+    each point `near` (n, k) are its `neighbors_of`.
     """
-    near = query(cKDTree(points), points, k=min(NEIGHBORS, len(points)))[1].reshape(len(points), -1)
     widest = spacing.copy()
     np.maximum.at(widest, near.ravel(), np.repeat(spacing, near.shape[1]))
     own, handed = spacing[triangles], widest[triangles].max(axis=1)

@@ -37,9 +37,9 @@ MAX_RESIDUAL = 10.0
 NEAR = 0.5
 """Spacings within which it does: its foot is off by less than its residual, and a scan without noise has small ones
 of every size."""
-MANY = 3.0
-"""Times what half of the points are off, within which one does too: those of both sides of a leaf that are averaged lie
-off by half its thickness all, of sides of which one is twice as dense a half of them by a third, the others by two."""
+MEDIANS = 3.0
+"""Times the median residual within which it does, too: points of both sides of a leaf lie half its thickness off the
+blade between them; where one side is twice as dense, its points a third of it, and the other side's two thirds."""
 FAR = 3.0
 """Noise deviations off the surface within which a point beyond the sheet lies on its continuation, or `NEAR`."""
 BEYOND = 6.5
@@ -254,7 +254,7 @@ def _tell_hidden(halves: Halves, area: float) -> tuple[str, ...]:
 def _near(fit: SurfaceFit) -> BoolArray:
     """Return which points are near enough to the surface to say where it ends."""
     spacing, off = np.sqrt(fit.mesh.area / len(fit.heights)), np.abs(fit.heights)
-    return np.asarray(off <= max(MAX_RESIDUAL * fit_noise(fit), NEAR * spacing, MANY * float(np.median(off))))
+    return np.asarray(off <= max(MAX_RESIDUAL * fit_noise(fit), NEAR * spacing, MEDIANS * float(np.median(off))))
 
 
 def fit_noise(fit: SurfaceFit) -> float:

@@ -39,8 +39,8 @@ MAX_TRIANGLES = 200_000
 PER_POINT = 3.0
 """Triangles for each point of a mesh whose step is the cloud's spacing."""
 SEEN = 1e-3
-"""Share of a step that single precision may be off in most balls, and a few times as much in the worst: noise that is
-noise is a hundred times that, and vertices of a clean cloud are placed in double precision."""
+"""Share of a step that single precision may be off in most balls, and a few times as much in the worst: noise is a
+hundred times that, and vertices of a clean cloud are placed in double precision."""
 SURE = 10.0
 """Times as much that a value must be for its side to be sure: one in fifty is asked again."""
 MAX_SITES = 1 << 20

@@ -46,42 +46,44 @@ def test_a_shipped_folder_holds_what_python_calls_and_what_it_is_for(lines, tmp_
     )
 
 
-def test_code_for_something_else_is_not_loaded_and_a_line_says_so(tmp_path, monkeypatch):
-    (tmp_path / code_cache.MADE_FOR).write_text("Numba 0.67.0, x86-64-v9")
+@pytest.fixture
+def untold(tmp_path, monkeypatch):
+    """Nothing was said yet, no code came with the package, and what is compiled can be kept."""
+    tellers = code_cache._tell_other_processor, code_cache._tell_not_kept
     monkeypatch.setattr(code_cache, "SHIPPED", tmp_path)
     monkeypatch.setattr(code_cache, "_writable_folder", lambda function: tmp_path)
-    code_cache._tell_other_processor.cache_clear()
-    cache = code_cache.CodeCache(radial_loops.dot.py_func)
-    _, signature = signatures.read(LINES[0])
-    with pytest.warns(CodeWarning, match=r"is for Numba 0.67.0, x86-64-v9, not for .*o3dleaf warm-up"):
-        assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")  # once
-        assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
-    code_cache._tell_other_processor.cache_clear()
+    for each in tellers:
+        each.cache_clear()
+    yield
+    for each in tellers:
+        each.cache_clear()
 
 
-def test_where_no_code_came_with_the_package_nothing_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr(code_cache, "SHIPPED", tmp_path / "none")
-    monkeypatch.setattr(code_cache, "_writable_folder", lambda function: tmp_path)
-    code_cache._tell_other_processor.cache_clear()
+def find_nothing():
+    """Look for code that there is not."""
     _, signature = signatures.read(LINES[0])
+    assert code_cache.CodeCache(radial_loops.dot.py_func).load_overload(signature, radial_loops.dot.targetctx) is None
+
+
+def check_told_once(words):
+    with pytest.warns(CodeWarning, match=words):
+        find_nothing()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        cache = code_cache.CodeCache(radial_loops.dot.py_func)
-        assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
-    code_cache._tell_other_processor.cache_clear()
+        find_nothing()
 
 
-def test_where_no_code_can_be_kept_a_line_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr(code_cache, "SHIPPED", tmp_path / "none")
+def test_code_for_something_else_is_not_loaded_and_a_line_says_so(untold, tmp_path):
+    (tmp_path / code_cache.MADE_FOR).write_text("Numba 0.67.0, x86-64-v9")
+    check_told_once(r"is for Numba 0.67.0, x86-64-v9, not for .*o3dleaf warm-up")
+
+
+def test_where_no_code_can_be_kept_a_line_says_so(untold, monkeypatch):
     monkeypatch.setattr(code_cache, "_writable_folder", lambda function: None)
-    code_cache._tell_not_kept.cache_clear()
-    cache = code_cache.CodeCache(radial_loops.dot.py_func)
-    _, signature = signatures.read(LINES[0])
-    with pytest.warns(CodeWarning, match=r"cannot be kept .*NUMBA_CACHE_DIR"):
-        assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
+    check_told_once(r"cannot be kept .*NUMBA_CACHE_DIR")
+
+
+def test_where_no_code_came_with_the_package_nothing_is_said(untold):
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # once
-        assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
-    code_cache._tell_not_kept.cache_clear()
+        warnings.simplefilter("error")
+        find_nothing()

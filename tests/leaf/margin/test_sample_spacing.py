@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 import shapely
+from scipy.spatial import cKDTree
 
 import planar_leaves as leaves
 from o3dleaf.leaf.margin.sample_region import cover_sample
-from o3dleaf.leaf.margin.sample_spacing import FAR, JUMP, local_shape, spacing_between
+from o3dleaf.leaf.margin.sample_spacing import FAR, JUMP, local_shape, neighbors_of, spacing_between
 from o3dleaf.leaf.margin.sample_triangles import triangulate
 from tolerances import JUMP_AREA
 
@@ -73,4 +74,7 @@ def test_beside_a_jump_in_density_holes_stay_on_either_side(place, width):
 def test_triangles_of_a_sample_of_one_density_are_judged_by_their_corners():
     points = leaves.uniform(leaves.ellipse(), 3000, np.random.default_rng(0))
     mesh, spacing = triangulate(points), np.random.default_rng(1).uniform(0.9, 1.1, len(points))
-    assert (spacing_between(points, mesh.triangles, spacing, JUMP) == spacing[mesh.triangles].mean(axis=1)).all()
+    assert (
+        spacing_between(neighbors_of(points, cKDTree(points)), mesh.triangles, spacing, JUMP)
+        == spacing[mesh.triangles].mean(axis=1)
+    ).all()
