@@ -143,12 +143,11 @@ class Margin:
                 polygon = largest(polygon.difference(shapely.Polygon(inner[i])))
         if polygon.is_empty:
             raise ReconstructionError("the points cover no area in the chart; give a denser scan")
-        polygon = shapely.orient_polygons(polygon)
-        rings = [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
+        ring, *hole_rings = _rings_of(polygon)
         return cls(
             points,
-            rings[0],
-            tuple(rings[1:]),
+            ring,
+            tuple(hole_rings),
             spacing=float(np.median(region.spacing)),
             holes=tuple(holes[i] for i in order),
             notes=_notes(region, holes),
@@ -163,6 +162,11 @@ class Margin:
         """Return what the margin is made of, for `o3dleaf.io.models.model_file`."""
         names = ("points", "ring", "hole_rings", "spacing", "holes", "notes", "unit")
         return {name: getattr(self, name) for name in names}
+
+    def within(self, polygon: shapely.Polygon) -> "Margin":
+        """Return the same margin around a part of its polygon."""
+        ring, *hole_rings = _rings_of(polygon)
+        return Margin(**self.state() | {"ring": ring, "hole_rings": tuple(hole_rings)})
 
     @property
     def rounded(self) -> shapely.Polygon:
@@ -182,6 +186,12 @@ class Margin:
     def contains(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """Return for each of the (n, 2) points whether it lies inside the margin or on it."""
         return in_polygon(self.polygon, as_points(points, dim=2))
+
+
+def _rings_of(polygon: shapely.Polygon) -> list[FloatArray]:
+    """Return the corners (k, 2) of a polygon's rings: the outer one first, counter-clockwise, then those of holes."""
+    polygon = shapely.orient_polygons(polygon)
+    return [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
 
 
 def _rings(region: SampleRegion, local: Spacing, noise: float) -> list[FloatArray]:

@@ -12,6 +12,7 @@
 `thickness`         the factor of thickness, from a map
 `tight_bends`       bends tighter than a scan can show
 `surface_fit`       S fitted to the points of a scan, at parameters that are their feet, in a chart relaxed on it
+`contacts`          ends of the blade that would pass through another part of it
 `mirror`            stretches of the margin that are hidden, and the other half's mirror image
 `parametric_blade`  the blade on it
 `build`             the points of a leaf to its blade

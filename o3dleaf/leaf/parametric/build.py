@@ -19,6 +19,7 @@ from o3dleaf.leaf.chart.petiole import Petiole, find_petiole
 from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.options import BladeOptions
+from o3dleaf.leaf.parametric.contacts import end_before_contacts
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.mirror.halves import Halves
 from o3dleaf.leaf.parametric.mirror.images import mirror_points
@@ -101,7 +102,8 @@ def build_parametric_blade(
             seen = fit
             fit, mirrored = _complete(seen, halves, options.complete_margin)
             margin = margin if fit is seen else _margin(fit, sheet.spacing, options.fill_holes, unit)
-    notes = (*sheet.notes, *leftovers, *petiole.notes, *chart.notes, *fit.notes, *margin.notes, *mirrored)
+        margin, ends = end_before_contacts(fit.surface, margin, fit.problem.spacing)
+    notes = (*sheet.notes, *leftovers, *petiole.notes, *chart.notes, *fit.notes, *margin.notes, *mirrored, *ends)
     for note in notes:
         journal.note(note)
     # The chart once more, of the surface itself and up to its margin.

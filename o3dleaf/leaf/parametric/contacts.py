@@ -1,0 +1,85 @@
+"""Contacts: an end of the blade that would pass through another part of it stops before that."""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse
+import shapely
+from scipy.sparse.csgraph import connected_components
+
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.places import tell_place
+from o3dleaf.core.units import tell_length
+from o3dleaf.leaf.margin.margin import Margin
+from o3dleaf.leaf.margin.margin_curve import largest
+from o3dleaf.leaf.margin.sheet_mesh import triangulate
+from o3dleaf.leaf.parametric.surface import ChartSurface
+from o3dleaf.surface.mesh.crossings import find_crossings
+
+STEP = 0.5
+"""Side of the triangles that are looked at, in spacings; at the margin they are as small as the blade is narrow."""
+TRIANGLES = 200_000
+"""Of them at most, about."""
+CLEARANCE = 0.5
+"""Spacings that the margin keeps from a crossing: no scan tells better where a leaf ends."""
+MAX_CUT = 16.0
+"""Spacings squared that an end has at most: so few points may be those of the other part."""
+MAX_CUTS = 8
+
+
+class Contact(NamedTuple):
+    """The polygon without an end that passes through the blade, the area of that end, and its place in space."""
+
+    left: shapely.Polygon
+    cut: float
+    place: FloatArray
+
+
+def end_before_contacts(surface: ChartSurface, margin: Margin, spacing: float) -> tuple[Margin, tuple[str, ...]]:
+    """Return the margin without ends of the blade that pass through another part of it, and a line on each of them.
+
+    Where two parts of a leaf touch, a few points may be either's, and the surface through them crosses the other part
+    or not by a rounding. No leaf passes through itself: of the two that part ends there, a little before, that loses
+    less by it. What would lose more than `MAX_CUT` spacings squared, or get a hole, stays as it is.
+
+    Parameters
+    ----------
+    surface : ChartSurface
+    margin : Margin
+    spacing : float
+        Of the points that the surface was fitted to.
+    """
+    polygon, notes = margin.polygon, []
+    for _ in range(MAX_CUTS):
+        contacts = _contacts(surface, polygon, spacing)
+        if not contacts:
+            break
+        end = min(contacts, key=lambda contact: contact.cut)
+        polygon = end.left
+        at, less = tell_place(end.place, surface.jet(margin.ring, 0)[0]), tell_length(end.cut, 2)
+        notes.append(f"touches itself at {at}: one end of the blade, {less}, would pass through another part: cut off")
+    return (margin.within(polygon) if notes else margin), tuple(notes)
+
+
+def _contacts(surface: ChartSurface, polygon: shapely.Polygon, spacing: float) -> list[Contact]:
+    """Return all ends within a polygon that may be cut off, those of both parts where two cross."""
+    fewest = np.sqrt(4 / np.sqrt(3) * polygon.area / TRIANGLES)
+    plane, triangles = triangulate(polygon, max(STEP * spacing, float(fewest)))
+    space = surface.jet(plane, 0)[0]
+    contacts = []
+    for crossing in _connected(triangles[find_crossings(space, triangles)], len(plane)):
+        end = shapely.union_all(shapely.polygons(plane[crossing])).buffer(CLEARANCE * spacing)
+        left = largest(polygon.difference(end))
+        cut = polygon.area - left.area
+        if cut <= MAX_CUT * spacing**2 and len(left.interiors) <= len(polygon.interiors):
+            contacts.append(Contact(left, cut, space[crossing].mean(axis=(0, 1))))
+    return contacts
+
+
+def _connected(triangles: IntArray, count: int) -> list[IntArray]:
+    """Return triangles (m, 3) of `count` vertices in groups that hang together by corners."""
+    ends = triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
+    graph = scipy.sparse.coo_array((np.ones(len(ends)), tuple(ends.T)), shape=(count, count))
+    group = connected_components(graph, directed=False)[1][triangles[:, 0]]
+    return [triangles[group == each] for each in np.unique(group)]
