@@ -19,11 +19,14 @@ from o3dleaf.leaf.residuals.known_area import area_deviation
 from o3dleaf.leaf.residuals.noise import local_noise, shared_residual
 from o3dleaf.leaf.residuals.off_blade import find_feet, find_outside, measure_spacing, points_on
 from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
+from o3dleaf.surface.cloud.usable_points import MIN_POINTS, usable_rows
 
 FAR = 3.0
 """Noise deviations beyond which a point is not held: of normal errors one in 370 lies there."""
 MIN_FAR = 0.3
 """Spacings within which a point is held whatever the noise: half of what a mesh of a scan is asked to be right to."""
+MAX_REPEATED = 0.01
+"""Share of points that repeat others above which it is told: fewer change no figure by a hundredth."""
 MAX_FAR = 0.01
 """Share of points not held above which it is told: four times what normal errors leave there."""
 OUTSIDE = 1.0
@@ -59,6 +62,9 @@ class FitQuality:
         than a spacing and three noise deviations. No point is both, and none that was cut off as petiole is either.
     is_cut : (n,) ndarray of bool
         Whether a point off the blade or beside it is of the petiole that was cut off.
+    repeated : float
+        Share of the points that repeat others, to a thousandth of the spacing: they say nothing new, and count in no
+        other figure.
     noise, spacing, limit : float
         Standard deviation of the points about the blade, from what neighbors differ by; 1/√(points per area), the
         median over the blade; and `FAR` noise deviations, at least `MIN_FAR` spacings; in `unit`.
@@ -89,6 +95,7 @@ class FitQuality:
     is_far: BoolArray
     is_outside: BoolArray
     is_cut: BoolArray
+    repeated: float
     noise: float
     spacing: float
     limit: float
@@ -119,40 +126,42 @@ class FitQuality:
         scan : (n, 3) array_like or Open3D point cloud
             In the blade's unit.
         """
-        points = points_of(scan, "scan", least=3)
+        points = points_of(scan, "scan", least=MIN_POINTS)
         places = places_inside(blade.outline, SAMPLE_COUNT)
         distortion = blade.distortion(places)
         world = points_on(blade, places)
         stretch = _stretch(distortion)
         step = float(np.sqrt(blade.outline.area / len(places))) * stretch[1]
         plane, distance, feet = find_feet(blade, points, world, SLACK * step)
-        spacing = measure_spacing(feet, world, distortion.area * blade.outline.area / len(places))
-        noise = local_noise(feet, distance)
+        once = usable_rows(points, None)
+        spacing = measure_spacing(feet[once], world, distortion.area * blade.outline.area / len(places))
+        noise = local_noise(feet[once], distance[once])
         limit = max(FAR * noise, MIN_FAR * spacing)
         is_outside = find_outside(blade, plane, max(OUTSIDE * spacing, FAR * noise))
         is_far = (np.abs(distance) > limit) & ~is_outside
         is_cut = _cut_off(blade, points) & (is_far | is_outside)
         is_far, is_outside = is_far & ~is_cut, is_outside & ~is_cut
         in_gap = query(cKDTree(points), world)[0] > np.hypot(GAP * spacing, limit)
-        beside = is_outside | is_cut
-        held = ~is_far & ~beside
-        kept = np.abs(distance[~beside]) if not beside.all() else np.abs(distance)
+        on_it = once[~(is_outside | is_cut)[once]]
+        held = on_it[~is_far[on_it]]
+        kept = np.abs(distance[on_it if len(on_it) else once])
         return cls(
             plane=plane,
             distance=distance,
             is_far=is_far,
             is_outside=is_outside,
             is_cut=is_cut,
+            repeated=1 - len(once) / len(points),
             noise=noise,
             spacing=spacing,
             limit=limit,
-            shared=shared_residual(feet[held], distance[held]) if held.sum() > 1 else 0.0,
+            shared=shared_residual(feet[held], distance[held]) if len(held) > 1 else 0.0,
             residuals=tuple(np.quantile(kept, (0.5, 0.95, 0.99, 1)).tolist()),
-            far=float(is_far.mean()),
-            outside=float(is_outside.mean()),
+            far=float(is_far[once].mean()),
+            outside=float(is_outside[once].mean()),
             gaps=float(np.average(in_gap, weights=distortion.area)),
-            far_places=find_places(points, is_far, spacing),
-            outside_places=find_places(points, is_outside, spacing),
+            far_places=find_places(points[once], is_far[once], spacing),
+            outside_places=find_places(points[once], is_outside[once], spacing),
             gap_places=find_places(world, in_gap, max(spacing, step)),
             area=(float(blade.outline.area * distortion.area.mean()), float(blade.outline.area)),
             area_deviation=area_deviation(blade, spacing, noise),
@@ -176,6 +185,11 @@ class FitQuality:
     def warnings(self) -> list[str]:
         """Warnings of what the blade does not hold, a line each with how much and where; empty for a good fit."""
         lines = []
+        if self.repeated > MAX_REPEATED:
+            lines.append(
+                f"{_percent(self.repeated)} of the points repeat others of the scan: each counts once; is it merged "
+                "with itself, or written twice?"
+            )
         if self.far > MAX_FAR:
             lines.append(
                 f"{_percent(self.far)} of the points lie more than {self._length(self.limit)} off the blade, "
@@ -226,6 +240,7 @@ class FitQuality:
         names = ("half", "95 %", "99 %", "largest")
         return {
             "points": len(self.plane),
+            "repeated": self.repeated,
             "noise": self.noise,
             "spacing": self.spacing,
             "shared": self.shared,

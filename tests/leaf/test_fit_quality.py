@@ -141,6 +141,22 @@ def test_areas_of_random_scans_err_as_they_are_said_to():
     assert least < np.sqrt(np.mean(np.square(errors))) < most
 
 
+@pytest.mark.parametrize("scale", [1e-3, 1.0])
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_points_that_are_there_twice_change_no_figure(scale, share):
+    """What repeats others up to single precision is told by its share, and nothing else."""
+    points = scale * BLADE.scan(SPACING, 0.2)[0]
+    again = np.random.default_rng(8).random(len(points)) < share
+    unit = {1.0: "mm", 1e-3: "m"}[scale]
+    scans = points, np.concatenate([points, points[again].astype(np.float32)])
+    one, other = (FitQuality.of(create_blade(scan, unit=unit), scan).to_dict() for scan in scans)
+    assert other["repeated"] == pytest.approx(again.sum() / len(scans[1]), rel=1e-12)
+    (told,) = (line for line in other["warnings"] if line not in one["warnings"])
+    assert "repeat others" in told
+    for name in set(one) - {"points", "repeated", "warnings"}:
+        assert other[name] == one[name]
+
+
 def test_a_sheared_plane_is_stretched_along_its_diagonals():
     """Of x = u + s v, y = v the singular values are those of a 2 by 2 matrix."""
     shear = np.array([[1.0, 0.4, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
