@@ -13,8 +13,9 @@ from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import measure_in_words
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
-from o3dleaf.leaf.blade.distortion import Distortion
+from o3dleaf.leaf.blade.distortion import range_of
 from o3dleaf.leaf.blade.outline_area import places_inside
+from o3dleaf.leaf.residuals.bent_margin import BentMargin, find_bent_margin
 from o3dleaf.leaf.residuals.known_area import area_deviation
 from o3dleaf.leaf.residuals.noise import local_noise, shared_residual
 from o3dleaf.leaf.residuals.off_blade import find_feet, find_outside, measure_spacing, points_on
@@ -41,8 +42,6 @@ MAX_DEVIATION = 0.02
 """Share of the area that its standard deviation exceeds where it is told: one leaf in three errs by more."""
 STRETCH = 0.05
 """Stretch of the texture above which it is told: below, it is less than what patches of one leaf differ by."""
-QUANTILES = (0.01, 0.99)
-"""Of the area, between which the stretch is measured."""
 SLACK = 2.0
 """Steps between the places at which a blade is measured that it may be nearer to a point than the nearest of them."""
 
@@ -85,6 +84,8 @@ class FitQuality:
     along, across, stretch : (2,) tuples of float
         Length in the world of a unit length of the plane along the midrib, across it, and in its worst and best
         direction: 1 % of the area has less, and 1 % more.
+    bent : BentMargin
+        Strips along the margin that bend off the blade inside them: shares of its length and of the area, places.
     holes : tuple of dict
         Holes of the scan: place in the world, area, width, and whether they were filled.
     unit : str or None
@@ -112,6 +113,7 @@ class FitQuality:
     along: tuple[float, float]
     across: tuple[float, float]
     stretch: tuple[float, float]
+    bent: BentMargin
     holes: tuple[dict[str, Any], ...]
     unit: str | None
 
@@ -130,7 +132,7 @@ class FitQuality:
         places = places_inside(blade.outline, SAMPLE_COUNT)
         distortion = blade.distortion(places)
         world = points_on(blade, places)
-        stretch = _stretch(distortion)
+        stretch = distortion.stretch
         step = float(np.sqrt(blade.outline.area / len(places))) * stretch[1]
         plane, distance, feet = find_feet(blade, points, world, SLACK * step)
         once = usable_rows(points, None)
@@ -165,9 +167,10 @@ class FitQuality:
             gap_places=find_places(world, in_gap, max(spacing, step)),
             area=(float(blade.outline.area * distortion.area.mean()), float(blade.outline.area)),
             area_deviation=area_deviation(blade, spacing, noise),
-            along=_range(distortion.along),
-            across=_range(distortion.across),
+            along=range_of(distortion.along),
+            across=range_of(distortion.across),
             stretch=stretch,
+            bent=find_bent_margin(blade, spacing, blade.outline.area),
             holes=_holes(blade),
             unit=blade.unit,
         )
@@ -210,6 +213,7 @@ class FitQuality:
                 f"{_percent(self.gaps)} of the blade is farther than {self._length(GAP * self.spacing)} from every "
                 f"point, {tell_places(self.gap_places)}"
             )
+        lines += self.bent.warnings
         if self.area_deviation > MAX_DEVIATION * self.area[0]:
             lines.append(
                 f"the area is known to {_percent(self.area_deviation / self.area[0])} only (one standard deviation, of "
@@ -249,6 +253,7 @@ class FitQuality:
             "outside": {"share": self.outside, "places": _listed(self.outside_places)},
             "coverage": self.coverage,
             "gaps": {"share": self.gaps, "places": _listed(self.gap_places)},
+            "bent": {"margin": self.bent.length, "area": self.bent.area, "places": _listed(self.bent.places)},
             "holes": list(self.holes),
             "area": {"blade": self.area[0], "chart": self.area[1], "deviation": self.area_deviation},
             "stretch": {"along": list(self.along), "across": list(self.across), "any": list(self.stretch)},
@@ -263,22 +268,6 @@ def _cut_off(blade: Blade, points: FloatArray) -> BoolArray:
     """Return which of the (n, 3) points may be the petiole's that was cut off, if one was."""
     petiole = getattr(blade, "petiole", None)
     return np.zeros(len(points), dtype=bool) if petiole is None else petiole.may_hold(points)
-
-
-def _range(values: FloatArray) -> tuple[float, float]:
-    """Return what 1 % of the values are below, and 99 %."""
-    low, high = np.quantile(values, QUANTILES).tolist()
-    return low, high
-
-
-def _stretch(distortion: Distortion) -> tuple[float, float]:
-    """Return the least and the greatest singular value of the plane's map to the world, of 99 % of the area each."""
-    first, second = distortion.along, distortion.across
-    mean, shear = (first**2 + second**2) / 2, first * second * np.sin(distortion.shear)
-    half = np.hypot((first**2 - second**2) / 2, shear)
-    low, _ = _range(np.sqrt(np.maximum(mean - half, 0.0)))
-    _, high = _range(np.sqrt(mean + half))
-    return low, high
 
 
 def _holes(blade: Blade) -> tuple[dict[str, Any], ...]:
