@@ -1188,3 +1188,6 @@ judged by distances alone."""
 
 THREE_DIGITS = 0.01
 """Of a length told with three digits: a step of the last one is at most that."""
+
+AREA_OF_STRIPS = 0.25
+"""Of the area that false points along a margin add: what bends off is within a tenth of it, as fits round the edge."""

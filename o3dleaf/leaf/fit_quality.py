@@ -13,17 +13,21 @@ from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import measure_in_words
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
-from o3dleaf.leaf.blade.distortion import Distortion
+from o3dleaf.leaf.blade.distortion import range_of
 from o3dleaf.leaf.blade.outline_area import places_inside
+from o3dleaf.leaf.residuals.bent_margin import BentMargin, find_bent_margin
 from o3dleaf.leaf.residuals.known_area import area_deviation
 from o3dleaf.leaf.residuals.noise import local_noise, shared_residual
 from o3dleaf.leaf.residuals.off_blade import find_feet, find_outside, measure_spacing, points_on
 from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
+from o3dleaf.surface.cloud.usable_points import MIN_POINTS, usable_rows
 
 FAR = 3.0
 """Noise deviations beyond which a point is not held: of normal errors one in 370 lies there."""
 MIN_FAR = 0.3
 """Spacings within which a point is held whatever the noise: half of what a mesh of a scan is asked to be right to."""
+MAX_REPEATED = 0.01
+"""Share of points that repeat others above which it is told: fewer change no figure by a hundredth."""
 MAX_FAR = 0.01
 """Share of points not held above which it is told: four times what normal errors leave there."""
 OUTSIDE = 1.0
@@ -38,8 +42,6 @@ MAX_DEVIATION = 0.02
 """Share of the area that its standard deviation exceeds where it is told: one leaf in three errs by more."""
 STRETCH = 0.05
 """Stretch of the texture above which it is told: below, it is less than what patches of one leaf differ by."""
-QUANTILES = (0.01, 0.99)
-"""Of the area, between which the stretch is measured."""
 SLACK = 2.0
 """Steps between the places at which a blade is measured that it may be nearer to a point than the nearest of them."""
 
@@ -59,6 +61,9 @@ class FitQuality:
         than a spacing and three noise deviations. No point is both, and none that was cut off as petiole is either.
     is_cut : (n,) ndarray of bool
         Whether a point off the blade or beside it is of the petiole that was cut off.
+    repeated : float
+        Share of the points that repeat others, to a thousandth of the spacing: they say nothing new, and count in no
+        other figure.
     noise, spacing, limit : float
         Standard deviation of the points about the blade, from what neighbors differ by; 1/√(points per area), the
         median over the blade; and `FAR` noise deviations, at least `MIN_FAR` spacings; in `unit`.
@@ -79,6 +84,8 @@ class FitQuality:
     along, across, stretch : (2,) tuples of float
         Length in the world of a unit length of the plane along the midrib, across it, and in its worst and best
         direction: 1 % of the area has less, and 1 % more.
+    bent : BentMargin
+        Strips along the margin that bend off the blade inside them: shares of its length and of the area, places.
     holes : tuple of dict
         Holes of the scan: place in the world, area, width, and whether they were filled.
     unit : str or None
@@ -89,6 +96,7 @@ class FitQuality:
     is_far: BoolArray
     is_outside: BoolArray
     is_cut: BoolArray
+    repeated: float
     noise: float
     spacing: float
     limit: float
@@ -105,6 +113,7 @@ class FitQuality:
     along: tuple[float, float]
     across: tuple[float, float]
     stretch: tuple[float, float]
+    bent: BentMargin
     holes: tuple[dict[str, Any], ...]
     unit: str | None
 
@@ -119,46 +128,49 @@ class FitQuality:
         scan : (n, 3) array_like or Open3D point cloud
             In the blade's unit.
         """
-        points = points_of(scan, "scan", least=3)
+        points = points_of(scan, "scan", least=MIN_POINTS)
         places = places_inside(blade.outline, SAMPLE_COUNT)
         distortion = blade.distortion(places)
         world = points_on(blade, places)
-        stretch = _stretch(distortion)
+        stretch = distortion.stretch
         step = float(np.sqrt(blade.outline.area / len(places))) * stretch[1]
         plane, distance, feet = find_feet(blade, points, world, SLACK * step)
-        spacing = measure_spacing(feet, world, distortion.area * blade.outline.area / len(places))
-        noise = local_noise(feet, distance)
+        once = usable_rows(points, None)
+        spacing = measure_spacing(feet[once], world, distortion.area * blade.outline.area / len(places))
+        noise = local_noise(feet[once], distance[once])
         limit = max(FAR * noise, MIN_FAR * spacing)
         is_outside = find_outside(blade, plane, max(OUTSIDE * spacing, FAR * noise))
         is_far = (np.abs(distance) > limit) & ~is_outside
         is_cut = _cut_off(blade, points) & (is_far | is_outside)
         is_far, is_outside = is_far & ~is_cut, is_outside & ~is_cut
         in_gap = query(cKDTree(points), world)[0] > np.hypot(GAP * spacing, limit)
-        beside = is_outside | is_cut
-        held = ~is_far & ~beside
-        kept = np.abs(distance[~beside]) if not beside.all() else np.abs(distance)
+        on_it = once[~(is_outside | is_cut)[once]]
+        held = on_it[~is_far[on_it]]
+        kept = np.abs(distance[on_it if len(on_it) else once])
         return cls(
             plane=plane,
             distance=distance,
             is_far=is_far,
             is_outside=is_outside,
             is_cut=is_cut,
+            repeated=1 - len(once) / len(points),
             noise=noise,
             spacing=spacing,
             limit=limit,
-            shared=shared_residual(feet[held], distance[held]) if held.sum() > 1 else 0.0,
+            shared=shared_residual(feet[held], distance[held]) if len(held) > 1 else 0.0,
             residuals=tuple(np.quantile(kept, (0.5, 0.95, 0.99, 1)).tolist()),
-            far=float(is_far.mean()),
-            outside=float(is_outside.mean()),
+            far=float(is_far[once].mean()),
+            outside=float(is_outside[once].mean()),
             gaps=float(np.average(in_gap, weights=distortion.area)),
-            far_places=find_places(points, is_far, spacing),
-            outside_places=find_places(points, is_outside, spacing),
+            far_places=find_places(points[once], is_far[once], spacing),
+            outside_places=find_places(points[once], is_outside[once], spacing),
             gap_places=find_places(world, in_gap, max(spacing, step)),
             area=(float(blade.outline.area * distortion.area.mean()), float(blade.outline.area)),
             area_deviation=area_deviation(blade, spacing, noise),
-            along=_range(distortion.along),
-            across=_range(distortion.across),
+            along=range_of(distortion.along),
+            across=range_of(distortion.across),
             stretch=stretch,
+            bent=find_bent_margin(blade, spacing, blade.outline.area),
             holes=_holes(blade),
             unit=blade.unit,
         )
@@ -176,6 +188,11 @@ class FitQuality:
     def warnings(self) -> list[str]:
         """Warnings of what the blade does not hold, a line each with how much and where; empty for a good fit."""
         lines = []
+        if self.repeated > MAX_REPEATED:
+            lines.append(
+                f"{_percent(self.repeated)} of the points repeat others of the scan: each counts once; is it merged "
+                "with itself, or written twice?"
+            )
         if self.far > MAX_FAR:
             lines.append(
                 f"{_percent(self.far)} of the points lie more than {self._length(self.limit)} off the blade, "
@@ -196,6 +213,7 @@ class FitQuality:
                 f"{_percent(self.gaps)} of the blade is farther than {self._length(GAP * self.spacing)} from every "
                 f"point, {tell_places(self.gap_places)}"
             )
+        lines += self.bent.warnings
         if self.area_deviation > MAX_DEVIATION * self.area[0]:
             lines.append(
                 f"the area is known to {_percent(self.area_deviation / self.area[0])} only (one standard deviation, of "
@@ -226,6 +244,7 @@ class FitQuality:
         names = ("half", "95 %", "99 %", "largest")
         return {
             "points": len(self.plane),
+            "repeated": self.repeated,
             "noise": self.noise,
             "spacing": self.spacing,
             "shared": self.shared,
@@ -234,6 +253,7 @@ class FitQuality:
             "outside": {"share": self.outside, "places": _listed(self.outside_places)},
             "coverage": self.coverage,
             "gaps": {"share": self.gaps, "places": _listed(self.gap_places)},
+            "bent": {"margin": self.bent.length, "area": self.bent.area, "places": _listed(self.bent.places)},
             "holes": list(self.holes),
             "area": {"blade": self.area[0], "chart": self.area[1], "deviation": self.area_deviation},
             "stretch": {"along": list(self.along), "across": list(self.across), "any": list(self.stretch)},
@@ -248,22 +268,6 @@ def _cut_off(blade: Blade, points: FloatArray) -> BoolArray:
     """Return which of the (n, 3) points may be the petiole's that was cut off, if one was."""
     petiole = getattr(blade, "petiole", None)
     return np.zeros(len(points), dtype=bool) if petiole is None else petiole.may_hold(points)
-
-
-def _range(values: FloatArray) -> tuple[float, float]:
-    """Return what 1 % of the values are below, and 99 %."""
-    low, high = np.quantile(values, QUANTILES).tolist()
-    return low, high
-
-
-def _stretch(distortion: Distortion) -> tuple[float, float]:
-    """Return the least and the greatest singular value of the plane's map to the world, of 99 % of the area each."""
-    first, second = distortion.along, distortion.across
-    mean, shear = (first**2 + second**2) / 2, first * second * np.sin(distortion.shear)
-    half = np.hypot((first**2 - second**2) / 2, shear)
-    low, _ = _range(np.sqrt(np.maximum(mean - half, 0.0)))
-    _, high = _range(np.sqrt(mean + half))
-    return low, high
 
 
 def _holes(blade: Blade) -> tuple[dict[str, Any], ...]:

@@ -10,7 +10,10 @@ from scipy.spatial.transform import Rotation
 from blade_fields import KnownHole, KnownOutline, RolledBlade
 from o3dleaf.leaf.fit_quality import FAR, MAX_OUTSIDE, MIN_FAR, FitQuality
 from o3dleaf.leaf.pipeline import create_blade
+from o3dleaf.leaf.residuals.bent_margin import MAX_BENT, find_bent_margin
+from o3dleaf.samples import leaf_shape, scan_leaf
 from tolerances import (
+    AREA_OF_STRIPS,
     ERRORS_OF_AREAS,
     MOVED_READ_OUT,
     NOISE_OF_NEIGHBORS,
@@ -139,6 +142,50 @@ def test_areas_of_random_scans_err_as_they_are_said_to():
         errors.append((quality.area[0] - outline.area) / quality.area_deviation)
     least, most = ERRORS_OF_AREAS
     assert least < np.sqrt(np.mean(np.square(errors))) < most
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0])
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_points_that_are_there_twice_change_no_figure(scale, share):
+    """What repeats others up to single precision is told by its share, and nothing else."""
+    points = scale * BLADE.scan(SPACING, 0.2)[0]
+    again = np.random.default_rng(8).random(len(points)) < share
+    unit = {1.0: "mm", 1e-3: "m"}[scale]
+    scans = points, np.concatenate([points, points[again].astype(np.float32)])
+    one, other = (FitQuality.of(create_blade(scan, unit=unit), scan).to_dict() for scan in scans)
+    assert other["repeated"] == pytest.approx(again.sum() / len(scans[1]), rel=1e-12)
+    (told,) = (line for line in other["warnings"] if line not in one["warnings"])
+    assert "repeat others" in told
+    for name in set(one) - {"points", "repeated", "warnings"}:
+        assert other[name] == one[name]
+
+
+@pytest.mark.parametrize("kind", ["lobed", "petiole"])
+def test_points_behind_the_edge_are_told_with_the_area_that_they_add(kind):
+    """Between the edge of a leaf and what is behind it a scanner sees points, which the blade takes in."""
+    leaf = leaf_shape(kind)
+    for flying in (0.0, 4.0):
+        points = scan_leaf(leaf, spacing=0.7, noise=0.2, flying=flying, seed=3).points
+        quality = FitQuality.of(create_blade(points, unit="mm"), points)
+        told = [line for line in quality.warnings if "of the margin" in line]
+        if not flying:
+            assert (quality.bent.length, quality.bent.area, told) == (0.0, 0.0, [])
+            continue
+        assert len(told) == 1
+        assert quality.bent.length > 0.6
+        assert quality.bent.area == pytest.approx(quality.area[0] / leaf.area - 1, rel=AREA_OF_STRIPS)
+        rim = leaf.lift(np.concatenate(leaf.margin_places(0.5)))
+        for place in quality.bent.places:
+            assert np.linalg.norm(rim - place.center, axis=1).min() < (flying + 1) * 0.7
+
+
+@pytest.mark.parametrize(("radius", "told"), [(6.0, False), (2.0, True)])
+def test_margins_bend_off_where_they_turn_by_more_than_half_a_right_angle(radius, told):
+    """Of a sheet rolled about a cylinder normals turn by 3 s / r over three spacings, everywhere across."""
+    blade = RolledBlade(radius=radius)
+    bent = find_bent_margin(blade, 1.0, blade.outline.area)
+    assert (bent.length > MAX_BENT) == told == bool(bent.warnings)
+    assert (bent.area > 0) == told
 
 
 def test_a_sheared_plane_is_stretched_along_its_diagonals():

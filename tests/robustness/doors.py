@@ -913,6 +913,7 @@ DOORS: dict[str, Door] = {
             gaps=one_of("none"),
             passes=WHOLE.like(1),
             offset=SIZE.like(0.0).optional,
+            flying=SIZE.like(0.0),
             seed=WHOLE.like(0),
         ),
         slow=True,

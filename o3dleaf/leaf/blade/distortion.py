@@ -9,6 +9,8 @@ from o3dleaf.core.checks.arrays import FloatArray
 
 STRAIGHT = 1e-12
 """Curvature, times the length of the leaf, below which it is none: its focal surface is infinitely far."""
+QUANTILES = (0.01, 0.99)
+"""Of the area, between which lengths are told."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,16 @@ class Distortion:
         """Det J (n,), area × thickness: the volume in the world of a unit volume."""
         return self.area * self.thickness
 
+    @property
+    def stretch(self) -> tuple[float, float]:
+        """The least and the greatest singular value of the plane's map to the world, of 99 % of the places each."""
+        first, second = self.along, self.across
+        mean, shear = (first**2 + second**2) / 2, first * second * np.sin(self.shear)
+        half = np.hypot((first**2 - second**2) / 2, shear)
+        low, _ = range_of(np.sqrt(np.maximum(mean - half, 0.0)))
+        _, high = range_of(np.sqrt(mean + half))
+        return low, high
+
     def to_dict(self) -> dict[str, Any]:
         """Return least, median and greatest of each as plain values, for a summary; of `focal` the least, None if ∞."""
         names = ("along", "across", "shear", "thickness", "area", "volume")
@@ -89,6 +101,12 @@ class Distortion:
             singular_values=np.asarray(np.linalg.svd(columns, compute_uv=False)),
             focal=focal,
         )
+
+
+def range_of(values: FloatArray) -> tuple[float, float]:
+    """Return what 1 % of the values are below, and 99 %."""
+    low, high = np.quantile(values, QUANTILES).tolist()
+    return low, high
 
 
 def radii_of(curvature: FloatArray, length: float) -> FloatArray:

@@ -3,5 +3,6 @@
 `noise`       the noise of a scan about a blade, by which a fit is judged
 `places`      where a blade does not hold its scan
 `off_blade`   feet of points on a blade, those outside its margin, and their spacing
+`bent_margin` strips along the margin that bend off the blade
 `known_area`  how well the area of a blade is known from a random scan of it
 """

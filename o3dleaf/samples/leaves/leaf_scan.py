@@ -37,6 +37,9 @@ DEPTH = 0.4
 """What is hidden of that half of the leaf, as a share of its width."""
 MAX_PASSES = 1000
 Passes = Annotated[int, Allowed(lambda value: is_whole(value) and 1 <= value <= MAX_PASSES, "1 to 1000 passes")]
+FLYING = 1.0
+"""Flying points to a spacing of the margin: a scanner has as many rays there."""
+RING_STEP = 0.1
 JITTER = 0.1
 """Of the places of rows and grids, in spacings."""
 
@@ -95,6 +98,9 @@ class Scanning:
         Points are shared among them; each but the first is displaced as a whole.
     offset : float, optional
         By how much; by default the noise's deviation.
+    flying : float
+        Depth behind the margin, along the beam, over which lie points that a scanner sees between the edge of a leaf
+        and what is behind it, one to a spacing of the margin; 0: none. The beam meets the middle at right angles.
     seed : int
     """
 
@@ -105,6 +111,7 @@ class Scanning:
     gaps: str = "none"
     passes: Passes = 1
     offset: NotNegative | None = None
+    flying: NotNegative = 0.0
     seed: Whole = 0
 
     def __post_init__(self) -> None:
@@ -121,7 +128,7 @@ def scan_leaf(leaf: LeafShape, **options: Any) -> LeafScan:
     ----------
     leaf : LeafShape
     **options
-        Those of `Scanning`: spacing, pattern, noise, direction, gaps, passes, offset, seed.
+        Those of `Scanning`: spacing, pattern, noise, direction, gaps, passes, offset, flying, seed.
 
     Returns
     -------
@@ -143,7 +150,8 @@ def scan_leaf(leaf: LeafShape, **options: Any) -> LeafScan:
     places = places[~shapely.contains_xy(hidden, places)]
     if len(places) < 2:
         raise InputError(f"spacing: {how.spacing:g} mm leaves {len(places)} points of the leaf; give a smaller one")
-    points = np.concatenate([leaf.lift(places), _extras(leaf, how.spacing, extra_rng)])
+    beside = _extras(leaf, how.spacing, extra_rng), _flying(leaf, how.spacing, how.flying, extra_rng)
+    points = np.concatenate([leaf.lift(places), *beside])
     offset = how.noise if how.offset is None else how.offset
     number = noise_rng.integers(0, how.passes, len(points))
     ways = noise_rng.normal(size=(how.passes, 3))
@@ -228,3 +236,17 @@ def _extras(leaf: LeafShape, spacing: float, rng: np.random.Generator) -> FloatA
         places = _uniform(leaf, leaf.layer, count, rng)
         parts.append(leaf.lift(places) + leaf.layer_height * leaf.normals(places))
     return np.concatenate([np.empty((0, 3)), *parts])
+
+
+def _flying(leaf: LeafShape, spacing: float, depth: float, rng: np.random.Generator) -> FloatArray:
+    """Return points (n, 3) behind the margin, even along it and over a depth in spacings."""
+    if depth == 0:
+        return np.empty((0, 3))
+    rings = [leaf.lift(ring) for ring in leaf.margin_places(RING_STEP * spacing)]
+    ways = np.concatenate([np.roll(ring, -1, axis=0) - ring for ring in rings])
+    length = np.linalg.norm(ways, axis=1)
+    count = round(FLYING * length.sum() / spacing)
+    row = rng.choice(len(ways), count, p=length / length.sum())
+    beam = -leaf.normals(np.mean(np.reshape(leaf.outline.bounds, (2, 2)), axis=0, keepdims=True))
+    edge = np.concatenate(rings)[row] + rng.random((count, 1)) * ways[row]
+    return np.asarray(edge + spacing * depth * rng.random((count, 1)) * beam)

@@ -27,7 +27,7 @@ from o3dleaf.surface.cloud.usable_points import Branch, Detect, UsablePoints, as
 
 UNUSABLE = 0.1
 """Share of given normals on the wrong side of a noisy cloud beyond which their directions are not used either."""
-SHARES = (3, 5, 3, 1, 5, 4)
+SHARES = (7, 1, 3, 1, 5, 4)
 """About how long the steps of preprocessing take: sorting, outliers, planes, branchings, sides, the order restored."""
 
 Estimate = Callable[[OrientedCloud], npt.ArrayLike]

@@ -8,18 +8,22 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray, as_floats
 from o3dleaf.core.checks.coordinates import as_points, require_breadth, require_size
 from o3dleaf.core.checks.voxels import as_mask
 from o3dleaf.core.cloud_arrays import CloudLike, raw_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.branchings.branchings import Branchings
-from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
+from o3dleaf.surface.cloud.neighbors import IndexArray, Neighborhoods, fit_planes
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
 from o3dleaf.surface.cloud.outliers import detect_outliers
 
 MIN_POINTS = 10
 """Fewer points do not determine a quadratic, let alone a surface."""
+REPEATED = 1e-3
+"""Spacings within which a point repeats another, as what was rounded to single precision does: of independent points
+three in a million lie so near to one."""
 
 Branch = Callable[[OrientedCloud], Branchings | None]
 Detect = Callable[[OrientedCloud], npt.NDArray[np.bool_]]
@@ -43,14 +47,18 @@ def remove_faults(cloud: CloudLike, outliers: Detect | None = detect_outliers) -
     return usable.restored(usable.cloud)
 
 
-def usable_rows(cloud: CloudLike) -> IndexArray:
+def usable_rows(cloud: CloudLike, outliers: Detect | None = detect_outliers) -> IndexArray:
     """Return the rows (k,), rising, of the points that `remove_faults` leaves of a cloud."""
-    return np.sort(_without_faults(cloud, detect_outliers).rows)
+    return np.sort(_without_faults(cloud, outliers).rows)
 
 
 def _without_faults(cloud: CloudLike, outliers: Detect | None) -> "UsablePoints":
     points = as_raw_rows(raw_points(cloud), "cloud")
-    return UsablePoints.of(points, weights_of(cloud, len(points))).without(outliers, len(points))
+    sorting, finding = progress.split(4, 1)
+    with sorting:
+        usable = UsablePoints.of(points, weights_of(cloud, len(points)))
+    with finding:
+        return usable.without(outliers, len(points))
 
 
 class UsablePoints(NamedTuple):
@@ -80,7 +88,18 @@ class UsablePoints(NamedTuple):
         tree = cKDTree(points[distinct])
         rows = distinct[tree.indices]
         removed = Removed(non_finite=len(points) - len(finite), repeated=len(finite) - len(distinct))
-        return cls(OrientedCloud(points[rows], None, weights[rows], removed), rows, tree)
+        usable = cls(OrientedCloud(points[rows], None, weights[rows], removed), rows, tree)
+        while len(again := _repeated_nearly(usable.cloud.neighbors, usable.rows)):
+            usable = usable._without_repeated(again)
+            require_enough(len(usable.rows), len(points))
+        return usable
+
+    def _without_repeated(self, again: IndexArray) -> "UsablePoints":
+        """Leave out what repeats other points, some rows of these."""
+        kept = np.ones(len(self.rows), dtype=bool)
+        kept[again] = False
+        removed = self.cloud.removed._replace(repeated=self.cloud.removed.repeated + len(again))
+        return UsablePoints(replace(self.cloud.take(kept), removed=removed), self.rows[kept], None)
 
     def without(self, outliers: Detect | None, count: int) -> "UsablePoints":
         """Leave out what a step takes for outliers, of `count` points in all."""
@@ -144,6 +163,20 @@ def _first_of_each(points: FloatArray) -> IndexArray:
     kept = np.ones(len(points), dtype=bool)
     kept[repeated] = False
     return np.flatnonzero(kept)
+
+
+def _repeated_nearly(near: Neighborhoods, rows: IndexArray) -> IndexArray:
+    """Return which points nearly repeat one that stands before them, by `rows` (n,).
+
+    The spacing is that around each, r √(π/k) by its k-th neighbor at r, so that dense places keep their points; copies
+    make it too small, and where some are left out others may be found.
+    """
+    count = near.row.shape[1] - 1
+    if count < 2:
+        return np.empty(0, np.int64)
+    limit = REPEATED * np.sqrt(np.pi / count) * near.distance[:, -1:]
+    repeats = (near.distance <= limit) & (rows[near.row] < rows[:, np.newaxis])
+    return np.flatnonzero(repeats.any(axis=1))
 
 
 def require_enough(count: int, whole: int) -> None:

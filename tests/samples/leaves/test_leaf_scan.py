@@ -83,6 +83,20 @@ def test_noise_and_passes_are_in_spacings(eaten):
     assert np.linalg.norm(away[~second].mean(axis=0)) < SCAN_SIGMAS * 0.15 / np.sqrt((~second).sum()) * np.sqrt(3)
 
 
+def test_flying_points_lie_behind_the_margin_along_one_beam_and_change_no_others(eaten):
+    plain, scan = (scan_leaf(eaten, spacing=0.5, flying=depth) for depth in (0.0, 3.0))
+    flying = scan.points[len(plain.points) :]
+    assert np.array_equal(scan.points[: len(plain.points)], plain.points)
+    rings = [eaten.lift(ring) for ring in eaten.margin_places(0.01)]
+    length = sum(np.linalg.norm(np.diff(ring, axis=0), axis=1).sum() for ring in rings)
+    assert len(flying) == pytest.approx(length / 0.5, rel=0.01)
+    beam = -eaten.normals(np.mean(np.reshape(eaten.outline.bounds, (2, 2)), axis=0, keepdims=True))[0]
+    depths = np.linspace(0, 1.5, 151)
+    seen = np.concatenate([edge + depth * beam for edge in rings for depth in depths])
+    assert KDTree(seen).query(flying)[0].max() < 0.01
+    assert KDTree(np.concatenate(rings)).query(flying)[0].max() > 1.0
+
+
 def test_noise_along_the_normal_leaves_points_where_they_are_along_the_surface(eaten):
     scan = scan_leaf(eaten, spacing=0.5, noise=0.3, direction="normal")
     away, normals = scan.points - eaten.lift(scan.places), eaten.normals(scan.places)

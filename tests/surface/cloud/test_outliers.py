@@ -74,6 +74,29 @@ def test_repeated_and_stray_points_go_and_are_counted(outliers):
     assert np.array_equal(cloud.points, leaf)
 
 
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
+@pytest.mark.parametrize("copies", [1, 3])
+def test_points_that_were_rounded_repeat_those_that_were_not(scale, copies):
+    rng = np.random.default_rng(6)
+    leaf = scale * np.column_stack([rng.uniform(0, 100, (3000, 2)), np.zeros(3000)])
+    rounded = [each.astype(dtype).astype(float) for each, dtype in zip([leaf] * 3, ["f4", "f4", "f8"], strict=True)]
+    rounded[1] *= 1 + 2e-7
+    some = rng.random(3000) < 0.3
+    for chosen in (some, np.ones(3000, dtype=bool)):
+        cloud = remove_faults(np.concatenate([leaf, *(each[chosen] for each in rounded[:copies])]), None)
+        assert cloud.removed.repeated == copies * chosen.sum()
+        assert np.array_equal(cloud.points, leaf)
+
+
+def test_points_of_a_place_a_million_times_as_dense_repeat_no_others():
+    rng = np.random.default_rng(7)
+    dense = rng.normal(0, 1e-3, (200, 3)) * [1, 1, 0]
+    assert (
+        remove_faults(np.concatenate([dense, rng.uniform(-100, 100, (3000, 3)) * [1, 1, 0]]), None).removed.repeated
+        == 0
+    )
+
+
 def test_the_real_leaf_keeps_its_thin_parts(real_scan):
     cloud = remove_faults(read_point_cloud(real_scan("wheat/wheat_leaf.ply")), is_far)
     assert cloud.removed.repeated == 0
