@@ -101,14 +101,15 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     near = neighbors_of(points, tree)
     spacing, short, jump = crude_spacing(points, tree), FIRST_SHORT, CRUDE_JUMP
     for _ in range(3):  # the crude spacing is too long at margins; the third pass changes it by less than a hundredth
-        kept, jump = _covered(mesh, spacing_between(near, mesh.triangles, spacing, jump), short), JUMP
+        size = spacing_between(near, mesh.triangles, spacing, jump)
+        kept, jump = _covered(mesh, spacing, size, short), JUMP
         deep = _deep(mesh, kept, spacing)
         spacing = cell_sizes(points, cells_of(points, mesh.triangles[kept], mesh.areas[kept]), deep)
         within = _within(mesh, kept, deep)
         usual = mesh.reach[within] / spacing[mesh.triangles[within]].mean(axis=1)
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
     size = spacing_between(near, mesh.triangles, spacing, JUMP)
-    covered = _covered(mesh, size, short)
+    covered = _covered(mesh, spacing, size, short)
     kept, bridged, widest = _joined(mesh, covered, spacing, short)
     chance = _enclosed_by_chance(mesh, kept, size, short)
     covered, kept = covered | chance, kept | chance
@@ -166,15 +167,17 @@ def _labels(mesh: Triangulation, chosen: BoolArray) -> IntArray:
     return labels
 
 
-def _covered(mesh: Triangulation, size: FloatArray, short: float) -> BoolArray:
+def _covered(mesh: Triangulation, spacing: FloatArray, size: FloatArray, short: float) -> BoolArray:
     """Return the triangles that are covered: all with short sides, and the gaps that chance makes.
 
-    Lengths are told by `size` (m,), the spacing that each triangle is judged by (`spacing_between`).
+    Lengths are told by `size` (m,), the spacing that each triangle is judged by (`spacing_between`); in bays, which are
+    open to the outside, by the `spacing` (n,) of their corners: what lies between a dense part and a sparse one may be
+    no more than where both end.
     """
-    reach, cells = mesh.reach / size, mesh.areas / size**2
-    gaps = reach > short
-    pockets = _open(mesh, gaps) & (reach <= LONG * short)
-    gaps &= ~_small(mesh, pockets, cells, CHANCE * short**2)
+    gaps = mesh.reach / size > short
+    own = spacing[mesh.triangles].mean(axis=1)
+    pockets = _open(mesh, gaps) & (mesh.reach / own <= LONG * short)
+    gaps &= ~_small(mesh, pockets, mesh.areas / own**2, CHANCE * short**2)
     covered: BoolArray = ~gaps | _enclosed_by_chance(mesh, ~gaps, size, short)
     return covered
 

@@ -102,7 +102,7 @@ def neighbors_of(points: FloatArray, tree: cKDTree) -> IntArray:
 
 
 def spacing_between(near: IntArray, triangles: IntArray, spacing: FloatArray, jump: float) -> FloatArray:
-    """Return the spacing (m,) by which gaps between points are judged: the mean of a triangle's three corners.
+    """Return the spacing (m,) by which gaps among points are judged: the mean of a triangle's three corners.
 
     Where the density of a sample jumps it is the wider one. Beside dense points the neighbors of a sparse point are
     nearly all dense, and an average over them says that it is, too, up to some three of its spacings from the jump:

@@ -9,7 +9,7 @@ import planar_leaves as leaves
 from o3dleaf.leaf.margin.sample_region import cover_sample
 from o3dleaf.leaf.margin.sample_spacing import FAR, JUMP, local_shape, neighbors_of, spacing_between
 from o3dleaf.leaf.margin.sample_triangles import triangulate
-from tolerances import JUMP_AREA
+from tolerances import BAY_COVERED, JUMP_AREA
 
 SIDE = 40.0
 
@@ -69,6 +69,18 @@ def test_beside_a_jump_in_density_holes_stay_on_either_side(place, width):
     )
     (found,) = covered(region).interiors
     assert shapely.Polygon(found).contains(hole.buffer(-0.05 * width))
+
+
+@pytest.mark.parametrize("radius", [5, 6, 7])
+@pytest.mark.parametrize("factor", [5, 10])
+def test_a_bay_where_the_density_jumps_is_no_gap_of_the_sparser_side(factor, radius):
+    """By the sparser side's spacing alone it is small enough to be by chance, and a fifth of it was covered."""
+    bay = shapely.Point(0, leaves.ellipse().bounds[3]).buffer(radius)
+    leaf, shares = leaves.ellipse().difference(bay), []
+    for seed in range(4):
+        area = covered(cover_sample(uneven(leaf, factor, leaves.uniform, np.random.default_rng(seed))))
+        shares.append(area.intersection(bay).area / bay.intersection(leaves.ellipse()).area)
+    assert np.mean(shares) < BAY_COVERED
 
 
 def test_triangles_of_a_sample_of_one_density_are_judged_by_their_corners():
