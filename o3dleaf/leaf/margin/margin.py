@@ -163,11 +163,6 @@ class Margin:
         names = ("points", "ring", "hole_rings", "spacing", "holes", "notes", "unit")
         return {name: getattr(self, name) for name in names}
 
-    def within(self, polygon: shapely.Polygon) -> "Margin":
-        """Return the same margin around a part of its polygon."""
-        ring, *hole_rings = _rings_of(polygon)
-        return Margin(**self.state() | {"ring": ring, "hole_rings": tuple(hole_rings)})
-
     @property
     def rounded(self) -> shapely.Polygon:
         """The polygon itself: it is smooth, and open and closed meshes end on the same curve."""
@@ -272,6 +267,12 @@ def carry_margin(margin: Margin, carry: Callable[[FloatArray], FloatArray]) -> M
     ring, *hole_rings = (carry(ring) for ring in (margin.ring, *margin.hole_rings))
     state = margin.state() | {"holes": holes, "ring": ring, "hole_rings": tuple(hole_rings)}
     return Margin(**state | {"points": carry(margin.points)})
+
+
+def cut_margin(margin: Margin, polygon: shapely.Polygon) -> Margin:
+    """Return a margin around a part of its polygon."""
+    ring, *hole_rings = _rings_of(polygon)
+    return Margin(**margin.state() | {"ring": ring, "hole_rings": tuple(hole_rings)})
 
 
 def _notes(region: SampleRegion, holes: list[Hole]) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.places import tell_place
 from o3dleaf.core.units import tell_length
-from o3dleaf.leaf.margin.margin import Margin
+from o3dleaf.leaf.margin.margin import Margin, cut_margin
 from o3dleaf.leaf.margin.margin_curve import largest
 from o3dleaf.leaf.margin.sheet_mesh import triangulate
 from o3dleaf.leaf.parametric.surface import ChartSurface
@@ -59,7 +59,7 @@ def end_before_contacts(surface: ChartSurface, margin: Margin, spacing: float) -
         polygon = end.left
         at, less = tell_place(end.place, surface.jet(margin.ring, 0)[0]), tell_length(end.cut, 2)
         notes.append(f"touches itself at {at}: one end of the blade, {less}, would pass through another part: cut off")
-    return (margin.within(polygon) if notes else margin), tuple(notes)
+    return (cut_margin(margin, polygon) if notes else margin), tuple(notes)
 
 
 def _contacts(surface: ChartSurface, polygon: shapely.Polygon, spacing: float) -> list[Contact]:

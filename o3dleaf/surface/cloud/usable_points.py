@@ -81,17 +81,20 @@ class UsablePoints(NamedTuple):
     @classmethod
     def of(cls, points: FloatArray, weights: FloatArray) -> "UsablePoints":
         """Leave out what is not finite, and repeated."""
-        finite = np.flatnonzero(np.isfinite(points).all(axis=1))
-        distinct = finite[_first_of_each(require_size(points[finite], "cloud"))]
-        require_enough(len(distinct), len(points))
-        require_breadth(points[distinct], "cloud")
-        tree = cKDTree(points[distinct])
+        sorting, comparing = progress.split(3, 4)
+        with sorting:
+            finite = np.flatnonzero(np.isfinite(points).all(axis=1))
+            distinct = finite[_first_of_each(require_size(points[finite], "cloud"))]
+            require_enough(len(distinct), len(points))
+            require_breadth(points[distinct], "cloud")
+            tree = cKDTree(points[distinct])
         rows = distinct[tree.indices]
         removed = Removed(non_finite=len(points) - len(finite), repeated=len(finite) - len(distinct))
         usable = cls(OrientedCloud(points[rows], None, weights[rows], removed), rows, tree)
-        while len(again := _repeated_nearly(usable.cloud.neighbors, usable.rows)):
-            usable = usable._without_repeated(again)
-            require_enough(len(usable.rows), len(points))
+        with comparing:
+            while len(again := _repeated_nearly(usable.cloud.neighbors, usable.rows)):
+                usable = usable._without_repeated(again)
+                require_enough(len(usable.rows), len(points))
         return usable
 
     def _without_repeated(self, again: IndexArray) -> "UsablePoints":
