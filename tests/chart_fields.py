@@ -35,6 +35,16 @@ def rolled(uv):
     return np.column_stack([uv[:, 0], radius * np.cos(turn), radius * np.sin(turn)])
 
 
+def looped(uv):
+    """A strip that comes back in a loop of radius 4 and goes down through itself: at u = `CROSSED`, and at 6."""
+    flat, turn = np.minimum(uv[:, 0], 10), np.clip((uv[:, 0] - 10) / 4, 0, 1.5 * np.pi)
+    down = np.maximum(uv[:, 0] - 10 - 6 * np.pi, 0)
+    return np.column_stack([flat + 4 * np.sin(turn), uv[:, 1], 4 - 4 * np.cos(turn) - down])
+
+
+CROSSED = 14 + 6 * np.pi
+
+
 def surface_of(lift, count=6000, smoothing=1e-6, **options):
     """The surface through points of a strip at random places."""
     rng = np.random.default_rng(0)

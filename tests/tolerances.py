@@ -772,6 +772,9 @@ CHART_FIT = 1e-8
 CHART_FOOT = 1e-9
 """In mm, of a strip of 40: found 2e-11, where the last step of Newton's method is rounding."""
 
+BESIDE_FOOT = 1e-5
+"""Distance to a sheet past its margin, in mm, beside that to samples 0.02 apart, which is never less; found 0."""
+
 CHART_SLOPE = 0.01
 """Slopes of an interpolant of a cylinder of radius 3.1 through points 0.28 apart: found 0.0054; curvatures 0.003."""
 
@@ -809,10 +812,6 @@ CUT_AREA = 1e-3
 ON_MARGIN = (0.2, 0.5)
 """Of the step: 99 % of a mesh's edge, and all of it, from an outline with corners, which are cut off; found 0.09 and
 0.3. Whole cells end up to a step and more inside."""
-
-ON_CONTINUATION = 1e-3
-"""Share of the vertices of the wheat leaf, where two parts touch, whose closest foot is on no leaf; found 8 of 53,807.
-A mesh that ends half a step too far out has 0.07."""
 
 RIM_DISTANCE = 1e-5
 """Signed distance beside the rim of a slab's hole; the ends of its strips, by four steps of regula falsi, leave 2e-6.

@@ -44,9 +44,15 @@ class SurfaceFeet:
 
 
 def sample_surface(
-    balls: VectorBalls, bounds: FloatArray, step: float, contains: Callable[[FloatArray], npt.NDArray[np.bool_]]
+    balls: VectorBalls,
+    bounds: FloatArray,
+    step: float,
+    contains: Callable[[FloatArray], npt.NDArray[np.bool_]],
+    beyond: Callable[[FloatArray], FloatArray] | None = None,
 ) -> Samples:
     """Return samples of a surface on a square grid over a box (2, 2) of the plane, where a predicate holds.
+
+    `beyond` returns the distances from a margin and their derivatives, as in `Samples`; without it there is none.
 
     Raises
     ------
@@ -57,7 +63,11 @@ def sample_surface(
     inside = contains(places)
     if not inside.any():
         raise ReconstructionError("surface: has no place inside the outline; enlarge the outline")
-    return _samples_at(balls, places[inside], numbers[inside], step)
+    places, numbers = places[inside], numbers[inside]
+    order = np.lexsort(numbers.T[::-1])
+    plane = np.ascontiguousarray(places[order])
+    off = np.zeros((len(plane), 3)) if beyond is None else beyond(plane)
+    return _samples_at(balls, plane, numbers[order], off, step)
 
 
 def _grid(bounds: FloatArray, step: float) -> tuple[FloatArray, npt.NDArray[np.int64]]:
@@ -69,17 +79,18 @@ def _grid(bounds: FloatArray, step: float) -> tuple[FloatArray, npt.NDArray[np.i
     return start + step * rows, np.stack(numbers, axis=1)
 
 
-def _samples_at(balls: VectorBalls, places: FloatArray, numbers: npt.NDArray[np.int64], step: float) -> Samples:
-    """Return the samples of a surface at places (m, 2), a `step` apart, with the group and block of each (m, 2)."""
-    order = np.lexsort(numbers.T[::-1])
-    plane, numbers = np.ascontiguousarray(places[order]), numbers[order]
+def _samples_at(
+    balls: VectorBalls, plane: FloatArray, numbers: npt.NDArray[np.int64], beyond: FloatArray, step: float
+) -> Samples:
+    """Return the samples at places (m, 2), a `step` apart, in the order of the groups and blocks of each (m, 2)."""
     jets = jets_of(balls, plane, 2)
     space = np.ascontiguousarray(jets[:, 0])
     stretch = np.sqrt(np.maximum((jets[:, 1] ** 2).sum(axis=1), (jets[:, 2] ** 2).sum(axis=1)))
     groups, blocks = (_first_rows(numbers[:, :columns]) for columns in (1, 2))
     surround = partial(_surround, space, MARGIN * step * stretch)
     ends = np.append(np.searchsorted(blocks, groups), len(blocks)), np.append(blocks, len(plane))
-    return Samples(surround(groups), surround(blocks), *ends, np.ascontiguousarray(space.T), plane, jets, step)
+    within = np.vstack([space.T, np.maximum(beyond[:, 0], 0.0)])
+    return Samples(surround(groups), surround(blocks), *ends, within, plane, jets, beyond, step)
 
 
 def _first_rows(numbers: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -118,18 +129,22 @@ def feet_from(balls: VectorBalls, points: FloatArray, starts: FloatArray, step: 
 
 
 def closest_feet(balls: VectorBalls, points: FloatArray, samples: Samples) -> SurfaceFeet:
-    """Return the closest feet of points (n, 3), from those samples of the surface that may lead to them."""
+    """Return the closest feet of points (n, 3), from those samples of the surface that may lead to them.
+
+    Beyond a margin there is no surface: the closest foot is that of the sheet whose part inside the margin is closest.
+    """
     found = _empty(len(points))
 
     def task(i: int, j: int) -> None:
-        block, starts, others = points[i:j], np.empty((j - i, 2)), np.empty((j - i, 2))
+        block, starts, others = points[i:j], np.empty((j - i, 3)), np.empty((j - i, 3))
         feet_loops.find_starts(block, samples, starts, others)
         _newton(balls, block, starts, samples.step, 2 * samples.step, found, i)
         rows = np.flatnonzero(~np.isnan(others[:, 0]))
         if len(rows):
             rival = _empty(len(rows))
             _newton(balls, block[rows], others[rows], samples.step, 2 * samples.step, rival, 0)
-            better = np.abs(rival.heights) < np.abs(found.heights[i + rows])
+            squares = rival.heights**2 + others[rows, 2] ** 2, found.heights[i + rows] ** 2 + starts[rows, 2] ** 2
+            better = squares[0] < squares[1]
             rows = i + rows[better]
             found.plane[rows], found.heights[rows] = rival.plane[better], rival.heights[better]
             found.converged[rows] = rival.converged[better]

@@ -3,6 +3,7 @@
 With r = x − S, the half square of r has the gradient −r·S_a and the second derivatives S_a·S_b − r·S_ab by u and v.
 Samples lie in blocks, those in groups, each in a ball: of all that may contain something closer than what was found,
 every one is looked into, so that the start lies on the sheet whose foot is the closest of all, not only on a near one.
+What continues a surface beyond its margin counts as far away as it reaches beyond: r there has a fourth component.
 """
 
 import math
@@ -48,10 +49,12 @@ class Samples(NamedTuple):
         Centers and radii of balls that contain the surface about the samples.
     group_starts, block_starts : (G + 1,), (B + 1,)
         The blocks of each group, and the samples of each block.
-    places : (3, m)
-        In space.
+    places : (4, m)
+        In space, and how far they lie beyond the margin.
     plane : (m, 2)
     jets : (m, 6, 3)
+    beyond : (m, 3)
+        Distance from the margin in the chart, above 0 beyond it, and its derivatives; 0 where there is no margin.
     step : float
         Distance of samples in the chart.
     """
@@ -63,6 +66,7 @@ class Samples(NamedTuple):
     places: Any
     plane: Any
     jets: Any
+    beyond: Any
     step: Any
 
 
@@ -71,8 +75,8 @@ def nearest_sample(x, y, z, start, stop, places):
     """Return the squared distance of the nearest of the samples start:stop to a point, and its number."""
     best, number = np.inf, start
     for s in range(start, stop):
-        a, b, c = x - places[0, s], y - places[1, s], z - places[2, s]
-        square = a * a + b * b + c * c
+        a, b, c, d = x - places[0, s], y - places[1, s], z - places[2, s], places[3, s]
+        square = a * a + b * b + c * c + d * d
         if square < best:
             best, number = square, s
     return best, number
@@ -126,19 +130,22 @@ def ball_distances(x, y, z, start, stop, balls, far, near):
 
 @njit(nogil=True, cache=True)
 def find_starts(points, samples, starts, others):
-    """Write where Newton's method begins for each point of a block (n, 2), and for some a second place, else NaN.
+    """Write where Newton's method begins for each point of a block, and for some a second place, else NaN.
+
+    Both (n, 3): u, v, and how far beyond the margin that is.
 
     The loops over samples are in one piece: whatever is handed to another function is counted, which the threads would
     wait for one another over; few samples get as far as being considered.
     """
     groups, blocks, places, step = samples.groups, samples.blocks, samples.places, samples.step
     group_starts, block_starts, plane, jets = samples.group_starts, samples.block_starts, samples.plane, samples.jets
+    beyond = samples.beyond
     count, bends = groups.shape[1], jets[:, 3:]
     widest = 0
     for g in range(count):
         widest = max(widest, group_starts[g + 1] - group_starts[g])
     group_far, group_near, far, near = np.empty(count), np.empty(count), np.empty(widest), np.empty(widest)
-    predicted, found = np.empty(CANDIDATES), np.empty((CANDIDATES, 2))
+    predicted, found = np.empty(CANDIDATES), np.empty((CANDIDATES, 3))
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         ball_distances(x, y, z, 0, count, groups, group_far, group_near)
@@ -158,26 +165,27 @@ def find_starts(points, samples, starts, others):
                 square, s = nearest_sample(x, y, z, block_starts[b], block_starts[b + 1], places)
                 distance = math.sqrt(square)
                 best = min(best, distance)
-                nearest = consider(x, y, z, s, distance, nearest, plane, jets, bends, step, predicted, found)
-        starts[i, 0], starts[i, 1] = found[0, 0], found[0, 1]
-        others[i, 0] = others[i, 1] = np.nan
+                nearest = consider(x, y, z, s, distance, nearest, plane, jets, bends, beyond, step, predicted, found)
         c = rival(predicted, found, step)
-        if c > 0:
-            others[i, 0], others[i, 1] = found[c, 0], found[c, 1]
+        for k in range(3):
+            starts[i, k], others[i, k] = found[0, k], found[c, k] if c > 0 else np.nan
 
 
 @njit(nogil=True, cache=True)
-def consider(x, y, z, s, distance, nearest, plane, jets, bends, step, predicted, found):
+def consider(x, y, z, s, distance, nearest, plane, jets, bends, beyond, step, predicted, found):
     """Put the foot that sample s leads to into the list of candidates; return how near the best one's sample is."""
     # Beside a sample that is nearer, this one would lead to the same foot.
     beside = max(abs(plane[s, 0] - found[0, 0]), abs(plane[s, 1] - found[0, 1])) < APART * step
     if not distance < predicted[0] + BESIDE * step or (beside and distance > nearest):
         return nearest
-    p, q, _, _, left = newton_step(x, y, z, s, jets, s, bends, step)
-    left = math.sqrt(max(left, 0.0))
+    p, q, length, square, left = newton_step(x, y, z, s, jets, s, bends, np.inf)
+    off = max(beyond[s, 0] + p * beyond[s, 1] + q * beyond[s, 2], 0.0)
+    # Of a longer step a step is trusted, and what the rest would bring is not counted.
+    share = min(step / length, 1.0) if length > 0.0 else 1.0
+    left = math.sqrt(max(left, 0.0) + max(off * off, (1.0 - share) ** 2 * (square - left)))
     if left < predicted[0]:
         nearest = distance
-    insert(left, plane[s, 0] + p, plane[s, 1] + q, predicted, found)
+    insert(left, plane[s, 0] + share * p, plane[s, 1] + share * q, off, predicted, found)
     return nearest
 
 
@@ -193,15 +201,17 @@ def rival(predicted, found, step):
 
 
 @njit(nogil=True, cache=True)
-def insert(distance, u, v, predicted, found):
+def insert(distance, u, v, off, predicted, found):
     """Put a candidate into the list that is sorted by distance, if it belongs there."""
     if distance >= predicted[-1]:
         return
     c = len(predicted) - 1
     while c > 0 and predicted[c - 1] > distance:
-        predicted[c], found[c, 0], found[c, 1] = predicted[c - 1], found[c - 1, 0], found[c - 1, 1]
+        predicted[c] = predicted[c - 1]
+        for k in range(3):
+            found[c, k] = found[c - 1, k]
         c -= 1
-    predicted[c], found[c, 0], found[c, 1] = distance, u, v
+    predicted[c], found[c, 0], found[c, 1], found[c, 2] = distance, u, v, off
 
 
 @njit(nogil=True, cache=True)

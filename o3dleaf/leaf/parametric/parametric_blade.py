@@ -1,7 +1,7 @@
 """The blade as a parametrised surface: x = S(u, v) + w τ n over a chart, inside its margin."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,7 +20,7 @@ from o3dleaf.core.parallel import run_blocks
 from o3dleaf.leaf.blade.blade import Blade, OpenEdges
 from o3dleaf.leaf.blade.distortion import radii_of
 from o3dleaf.leaf.blade.lifted import Lifted
-from o3dleaf.leaf.blade.outline_area import Outline, in_polygon
+from o3dleaf.leaf.blade.outline_area import Outline, distances_beyond, in_polygon
 from o3dleaf.leaf.chart.petiole import Petiole
 from o3dleaf.leaf.instancing.footprint import EdgeThickness
 from o3dleaf.leaf.margin.sheet_mesh import triangulate
@@ -32,9 +32,7 @@ from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.parametric.thickness import Thickness, ThicknessMap, ThicknessProduct
 
 COLLAR = 1.0
-"""Width of the strip around the outline in which feet are looked for too, in steps of the samples: Newton's method goes
-on from there. Farther out nothing holds the surface: at a fold it comes back through the leaf, and points of the blade
-found their feet there."""
+"""Width of the strip around the outline with samples of its own, in their steps: tips may be narrower than a step."""
 BLOCK = 1 << 12
 NO_TAPER = np.empty((0, 3))
 
@@ -131,7 +129,8 @@ class ParametricBlade(Blade):
         area = self.outline.polygon.buffer(COLLAR * step)
         shapely.prepare(area)
         bounds = np.array(area.bounds).reshape(2, 2)
-        return sample_surface(self.surface.balls, bounds, step, lambda places: in_polygon(area, places))
+        beyond = partial(distances_beyond, self.outline.polygon)
+        return sample_surface(self.surface.balls, bounds, step, lambda places: in_polygon(area, places), beyond)
 
     def flatten(self, x: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) flat coordinates of world points (n, 3): their feet (u, v), and heights over τ."""

@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 import shapely
+from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
-from chart_fields import LENGTH, WIDTH, curled, inner_places, surface_of, twisted
+from chart_fields import CROSSED, LENGTH, WIDTH, curled, inner_places, looped, surface_of, twisted
 from leaf_fields import texture
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.leaf.chart.petiole import Petiole
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.output.report.summary import summarize, warnings_of
-from tolerances import CHART_FOOT, CHART_SLOPE, DIFFERENCED_GRADIENT, DIFFERENCED_JACOBIAN, SIGNED_VS_FOOT
+from tolerances import BESIDE_FOOT, CHART_FOOT, CHART_SLOPE, DIFFERENCED_GRADIENT, DIFFERENCED_JACOBIAN, SIGNED_VS_FOOT
 
 HALF = 0.5
 STEP = 1e-5
@@ -21,8 +22,8 @@ STEP = 1e-5
 class Box:
     """A rectangle of the chart with round corners as an outline."""
 
-    def __init__(self):
-        whole = shapely.box(0.5, 0.5 - WIDTH / 2, LENGTH - 0.5, WIDTH / 2 - 0.5)
+    def __init__(self, end=LENGTH - 0.5):
+        whole = shapely.box(0.5, 0.5 - WIDTH / 2, end, WIDTH / 2 - 0.5)
         self.polygon = self.rounded = whole.buffer(-1.0).buffer(1.0, quad_segs=32)
         self.bounds = np.array(self.polygon.bounds).reshape(2, 2)
         self.area = self.polygon.area
@@ -63,6 +64,18 @@ def flat():
 
 def test_flatten_undoes_lift(blade, flat):
     assert np.abs(blade.flatten(blade.lift(flat)) - flat).max() <= CHART_FOOT
+
+
+def test_no_foot_lies_on_what_continues_the_blade_through_itself():
+    """Of a blade that ends just above itself no point is nearer to some of it than to the place of its foot."""
+    blade, rng = ParametricBlade(surface_of(looped), Box(CROSSED - 0.06)), np.random.default_rng(8)
+    points = rng.uniform([5.5, -3, -0.3], [6.5, 3, 0.3], (4000, 3))
+    there = np.stack(np.meshgrid(np.arange(0.5, CROSSED - 0.06, 0.02), np.arange(-4, 4, 0.04)), -1).reshape(-1, 2)
+    nearest = cKDTree(blade.surface.jet(there, 0)[0]).query(points)[0]
+    feet = blade.flatten(points)
+    beside = shapely.distance(blade.outline.polygon, shapely.points(feet[:, :2]))
+    assert np.any(beside > 0)
+    assert np.all(np.hypot(feet[:, 2], beside) <= nearest + BESIDE_FOOT)
 
 
 def test_the_jacobian_is_the_limit_of_difference_quotients(blade, flat):
