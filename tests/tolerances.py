@@ -1185,6 +1185,10 @@ SCATTERED = 0.9
 """Of points scattered through space, six spacings off a surface and more: 0.95 to 1.0 are found; few where they are
 judged by distances alone."""
 
+UNEVEN = 0.02
+"""Of a flat sample beside one 600 times as dense: none to five of 2,000 are taken for outliers, all of them where its
+distances are held against the dense sample's."""
+
 THREE_DIGITS = 0.01
 """Of a length told with three digits: a step of the last one is at most that."""
 

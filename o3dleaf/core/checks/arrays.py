@@ -17,7 +17,7 @@ FARTHEST = 1e100
 def as_floats(array: npt.ArrayLike, name: str) -> FloatArray:
     """Return an array of real numbers as float64 in the layout that loops are compiled for; NaN may be among them."""
     try:
-        given = np.asanyarray(array)
+        given = np.asanyarray(_out_of_tensor(array))
         what = _no_numbers(given)
         floats = given if what else np.require(given, np.float64, ["C", "A", "W", "E"])
     except (TypeError, ValueError, OverflowError) as cause:
@@ -30,12 +30,17 @@ def as_floats(array: npt.ArrayLike, name: str) -> FloatArray:
 def as_array(array: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
     """Return an array of any type as it is; nothing is masked in it."""
     try:
-        given = np.asanyarray(array)
+        given = np.asanyarray(_out_of_tensor(array))
     except ValueError as cause:
         raise InputError(f"{name}: is no array ({cause}); give rows of one length") from cause
     if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
         raise InputError(f"{name}: {np.ma.count_masked(given)} are masked; give an array without them")
     return np.asarray(given)
+
+
+def _out_of_tensor(array: Any) -> Any:
+    """Return what a tensor of any device holds, such as Open3D's, of which NumPy knows nothing; all else as it is."""
+    return array.cpu().numpy() if hasattr(array, "cpu") and hasattr(array, "numpy") else array
 
 
 def _no_numbers(array: npt.NDArray[Any]) -> str:

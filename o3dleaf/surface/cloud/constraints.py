@@ -21,6 +21,9 @@ DISTANCE = 0.7
 """Distance of the constraints in spacings: nearer, normals count for more, and farther they cut corners."""
 DISTANCE_OF_MEANS = 1.0
 """The same where points are means of several: their noise was as thick as the spacing."""
+EVEN = 2.0
+"""Times the median that the spacing around a point may be, or one over it, and count as the cloud's: of even random
+clouds, thin parts among them, it is 0.62 to 1.38 times the median."""
 EVERY = 2
 """One point in so many has constraints off the surface: they only distinguish inside from outside."""
 ROUNDING = 1e-9
@@ -82,7 +85,8 @@ def offset_constraints(
         With normals.
     distance : float or (n,) array_like, optional
         The distance d wanted, in the unit of the points; left out, 0.7 spacings of the cloud, or one spacing where
-        points are means of several.
+        points are means of several. Where points are more than twice as far apart, or as close together, as most of
+        them, so much more than twice is that distance longer, or shorter.
     every : int
         One point in so many, at random but the same ones each time, has constraints, and besides all those whose
         constraints are nearer than wanted, so that each of close sheets has its own.
@@ -104,7 +108,8 @@ def offset_constraints(
     whole = OrientedCloud.of(cloud)
     x, n, chosen_sides = whole.points, whole.require_normals(), SIDES[require_choice(sides, SIDES, "sides")]
     if distance is None:
-        distance = (DISTANCE_OF_MEANS if (whole.weights > 1).any() else DISTANCE) * whole.spacing
+        spacings = DISTANCE_OF_MEANS if (whole.weights > 1).any() else DISTANCE
+        distance = spacings * whole.spacing * _unevenness(whole)
     wanted = as_row(distance, "distance", count=len(x))
     for each in (wanted.min(initial=1.0), wanted.max(initial=1.0)):
         require_positive(each, "distance")
@@ -120,6 +125,14 @@ def offset_constraints(
     value = [(1.0 if side else -1.0) * step[some, side] for side, some in zip(chosen_sides, rows, strict=True)]
     base, values = np.concatenate(rows), np.concatenate(value)
     return OffsetConstraints(x[base] - values[:, np.newaxis] * n[base], values, base)
+
+
+def _unevenness(cloud: OrientedCloud) -> FloatArray:
+    """Return by how much (n,) the spacing around each point is other than most, 1 where that is within `EVEN` times."""
+    if not cloud.is_measurable:
+        return np.ones(len(cloud))
+    relative = cloud.point_spacing / np.median(cloud.point_spacing)
+    return np.asarray(relative / np.clip(relative, 1 / EVEN, EVEN))
 
 
 def _empty_balls(points: FloatArray, normals: FloatArray, reach: float) -> FloatArray:

@@ -29,6 +29,9 @@ FILLED = ((16, 0.45), (48, 0.55))
 """Neighbors, and how thick over long they are at least where points fill space: the median over as many of them is
 0.57 and 0.7 then, by chance below the bound at one of a hundred. Of a surface only the larger is wide enough to show
 that a thin part, or a corner, is none."""
+SHEET = (0.3, 0.25)
+"""How thick over long neighborhoods of the same sizes are at most on a surface: a sphere of 300 points has 0.12 and
+0.22, terrain with waves five of its spacings long 0.14 and 0.13, and no place in 5,000 random points is below."""
 
 
 @checked
@@ -43,7 +46,9 @@ def detect_outliers(
     """Return which points of a cloud (n,) belong to no surface.
 
     Points are linked to those of their eight nearest that are within `max_gap` times the median distance of an eighth
-    neighbor; clusters of fewer than 24 points are outliers, however far apart, unless nothing larger is there. So are
+    neighbor; clusters of fewer than 24 points are outliers, however far apart, unless nothing larger is there, or
+    they are a surface that is sampled more sparsely: flat at two scales among all that are in such clusters, which are
+    then judged by themselves, by their own median. So are
     points whose eighth neighbor is `max_ratio` times as far as that of the neighbors themselves, as in Breunig et al.:
     some four spacings off a surface. So is clutter: points as sparse as that beside the densest quarter of the cloud
     which, taken alone, fill space, being about as thick as wide and long around most of them at two scales; a sparse
@@ -89,7 +94,13 @@ def detect_outliers(
             )
             return clutter
         row = np.ascontiguousarray(near.row[:, 1 : NEIGHBORS + 1])
-        outlier = _in_small_clusters(distance, row, max_gap) | _are_isolated(distance[:, -1], row, max_ratio)
+        small = _in_small_clusters(distance, row, max_gap)
+        sparse = np.flatnonzero(small)[_are_sheets(cloud.points[small])]
+        if len(sparse):
+            small[sparse] = detect_outliers(
+                cloud.take(sparse), max_gap=max_gap, max_ratio=np.inf, max_clutter=max_clutter, std_ratio=std_ratio
+            )
+        outlier = small | _are_isolated(distance[:, -1], row, max_ratio)
         if np.isfinite(std_ratio):
             mean = near.distance[:, :NEIGHBORS].mean(axis=1)
             outlier |= mean > mean.mean() + std_ratio * mean.std(ddof=1)
@@ -119,13 +130,24 @@ def _are_isolated(far: FloatArray, row: IndexArray, max_ratio: float) -> npt.NDA
 def _are_clutter(points: FloatArray, far: FloatArray, max_clutter: float) -> npt.NDArray[np.bool_]:
     """Return which points (n,) have their eighth neighbor at `far` (n,) and, among points as sparse, fill space."""
     clutter = far > max_clutter * np.quantile(far, DENSE)
-    if np.count_nonzero(clutter) < FILLED[-1][0]:
-        return np.zeros(len(far), dtype=bool)
-    sparse = np.ascontiguousarray(points[clutter])
-    tree, fills = cKDTree(sparse), np.ones(len(sparse), dtype=bool)
-    for count, least in FILLED:
-        near = query(tree, sparse, k=count)[1]
-        variance = fit_planes(sparse, near).variance
-        fills &= np.median(np.sqrt(variance[:, 0] / variance[:, 2])[near], axis=1) > least
-    clutter[clutter] = fills
+    thickness = _thickness(points[clutter])
+    clutter[clutter] = np.all([some > least for some, (_, least) in zip(thickness, FILLED, strict=True)], axis=0)
     return clutter
+
+
+def _are_sheets(points: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return which points (n,) lie on a surface, of those alone."""
+    return np.asarray(np.all([some < most for some, most in zip(_thickness(points), SHEET, strict=True)], axis=0))
+
+
+def _thickness(points: FloatArray) -> FloatArray:
+    """Return how thick over long most neighborhoods around each point are, (2, n) for two sizes; NaN of few points."""
+    if len(points) < FILLED[-1][0]:
+        return np.full((len(FILLED), len(points)), np.nan)
+    alone = np.ascontiguousarray(points)
+    tree, thickness = cKDTree(alone), []
+    for count, _ in FILLED:
+        near = query(tree, alone, k=count)[1]
+        variance = fit_planes(alone, near).variance
+        thickness.append(np.median(np.sqrt(variance[:, 0] / variance[:, 2])[near], axis=1))
+    return np.array(thickness)

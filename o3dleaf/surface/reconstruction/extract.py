@@ -38,6 +38,8 @@ MAX_TRIANGLES = 200_000
 """Triangles beyond which the mesh step grows, up to the cloud's spacing."""
 PER_POINT = 3.0
 """Triangles for each point of a mesh whose step is the cloud's spacing."""
+MAX_UNEVEN = 2.0
+"""Times the triangles of an even cloud of as many points that the mesh of an uneven one may have."""
 SEEN = 1e-3
 """Share of a step that single precision may be off in most balls, and a few times as much in the worst: noise is a
 hundred times that, and vertices of a clean cloud are placed in double precision."""
@@ -75,7 +77,7 @@ class NearSurface:
         noisy = spacing is None and data.is_measurable and not data.is_clean
         if spacing is None:
             noise = data.noise / data.spacing if noisy and not _is_thin(data) else 0.0
-            spacing = mesh_step(float(np.median(data.point_spacing)), len(data), noise)
+            spacing = uneven_step(data.point_spacing, noise)
         steps = as_step(require_positive(spacing, "spacing"))
         creased = isinstance(exact_field(field).local, LocalCreasedSplines)
         seeds, box = data.points, field.bounds
@@ -132,6 +134,17 @@ def mesh_step(spacing: float, count: int, noise: float = 0.0) -> float:
     """
     least = min(MIN_STEP * (1 + max(noise - CLEAN, 0.0)), NOISY_STEP)
     return spacing * float(np.clip(np.sqrt(PER_POINT * count / MAX_TRIANGLES), least, 1.0))
+
+
+def uneven_step(point_spacing: FloatArray, noise: float = 0.0) -> float:
+    """Return the step of the mesh of points with spacings (n,): that of their median, unless they are uneven.
+
+    The area per point is that of the root mean square: where few points cover most of the area, as of a scan from one
+    place, steps of the median would make many times the triangles of an even cloud. They make twice as many at most.
+    """
+    middle, mean = float(np.median(point_spacing)), float(np.sqrt(np.mean(np.square(point_spacing))))
+    of_area = mesh_step(mean, len(point_spacing), noise) / np.sqrt(MAX_UNEVEN)
+    return max(mesh_step(middle, len(point_spacing), noise), float(of_area))
 
 
 def _is_thin(data: OrientedCloud) -> bool:

@@ -13,6 +13,7 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.measure_loops import sum_angles
 from o3dleaf.surface.reconstruction.proximity import nearest_data
 
@@ -57,15 +58,14 @@ def angle_deficits(vertices: FloatArray, triangles: IntArray) -> FloatArray:
     return np.where(inside, 2 * np.pi - angles, 0.0)
 
 
-def find_lost(vertices: FloatArray, data: OrientedCloud) -> BoolArray:
+def find_lost(vertices: FloatArray, triangles: IntArray, data: OrientedCloud) -> BoolArray:
     """Return which points (n,) are left without surface, with most of those around them.
 
-    It has none where no vertex is within its spacing or three standard deviations of the noise.
+    It has none where no triangle is within its spacing or three standard deviations of the noise.
 
     Parameters
     ----------
-    vertices : (m, 3) ndarray
-        Of a surface whose edges are shorter than the spacing.
+    vertices, triangles : (m, 3), (k, 3) ndarrays
     data : OrientedCloud
     """
     reach = np.maximum(data.point_spacing, NOISE * data.noise if data.is_measurable else 0.0)
@@ -74,8 +74,10 @@ def find_lost(vertices: FloatArray, data: OrientedCloud) -> BoolArray:
     lost[nearest[distance <= reach[nearest]]] = False
     rows = np.flatnonzero(lost)  # that no vertex is nearest to, as chance has it
     tree = cKDTree(vertices, balanced_tree=False, compact_nodes=False)
-    lost[rows] = query(tree, data.points[rows])[0] > reach[rows]
-    rows = np.flatnonzero(lost)
+    rows = rows[query(tree, data.points[rows])[0] > reach[rows]]
+    if len(rows):  # of which a triangle may be nearer: its edges may be longer than the spacing
+        rows = rows[distance_to_mesh(vertices, triangles, data.points[rows]) > reach[rows]]
+    lost = np.isin(np.arange(len(data)), rows)
     around = query(data.tree, data.points[rows], np.arange(1, min(NEIGHBORS, len(data)) + 1))[1]
     lost[rows] = lost[around].mean(axis=1) > 0.5
     return lost
@@ -91,7 +93,7 @@ def doubts(vertices: FloatArray, triangles: IntArray, data: OrientedCloud) -> li
         What the surface was made of.
     """
     said = []
-    lost = np.flatnonzero(find_lost(vertices, data))
+    lost = np.flatnonzero(find_lost(vertices, triangles, data))
     if len(lost):
         place = tell_place(data.points[lost[0]], data.points)
         said.append(f"{len(lost):,} points in all have no surface within their spacing, one of them at {place}")

@@ -4,6 +4,7 @@ import math
 from itertools import pairwise
 
 import numpy as np
+import open3d as o3d
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -258,3 +259,12 @@ def test_the_order_of_the_data_matters_to_rounding_only():
     )
     np.testing.assert_allclose(plain(queries), mixed(queries), rtol=0, atol=FIELD_TWIN * np.abs(values).max())
     assert plain.cover.radii == pytest.approx(mixed.cover.radii, rel=ROUNDING)
+
+
+def test_open3d_tensors_are_arrays():
+    """What a tensor cloud holds goes in as it is, to be fitted and asked for."""
+    rng = np.random.default_rng(2)
+    points, values = rng.random((300, 3)), rng.random(300)
+    held = o3d.core.Tensor(points)
+    field = PUInterpolant.fit(held, o3d.core.Tensor(values))
+    assert np.array_equal(field(held), PUInterpolant.fit(points, values)(points))

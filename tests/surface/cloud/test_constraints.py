@@ -34,6 +34,18 @@ def test_sites_keep_to_a_third_of_what_is_between_two_sheets():
     assert values[inside].max() < thickness / 2
 
 
+def test_sites_of_sparse_points_stand_off_by_their_own_spacing():
+    """Up to twice the median counts as it: a tenth of the points, twenty times as far apart, have ten times as much."""
+    rng = np.random.default_rng(8)
+    near, far = rng.uniform(0, 1, (9_000, 2)), rng.uniform(5, 5 + np.sqrt(1_000 / 9_000) * 20, (1_000, 2))
+    cloud = OrientedCloud.of(np.pad(np.vstack([near, far]), ((0, 0), (0, 1))), np.tile([0.0, 0, 1], (10_000, 1)))
+    _, values, base = offset_constraints(cloud)
+    least, most = (np.median(np.abs(values[rows])) for rows in (base < 9_000, base >= 9_000))
+    assert most / least == pytest.approx(10, rel=0.1)
+    even = OrientedCloud.of(cloud.points[:9_000], cloud.normals[:9_000])
+    assert len(np.unique(np.abs(offset_constraints(even).values))) == 1
+
+
 def test_larger_is_inside_and_each_side_can_be_had_alone():
     points, normals = sphere(500)
     both = constraints(points, normals, 0.02)

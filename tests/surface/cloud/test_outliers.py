@@ -12,7 +12,7 @@ from o3dleaf import OrientedCloud, detect_outliers, read_point_cloud
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.pipeline import is_far
 from o3dleaf.surface.cloud.usable_points import remove_faults, usable_rows
-from tolerances import SCATTERED
+from tolerances import SCATTERED, UNEVEN
 
 
 def cloud_of(points):
@@ -52,6 +52,21 @@ def test_points_scattered_through_space_are_outliers(count):
     sheet = np.column_stack([rng.uniform(3, 4, (800, 2)), 0.1 * rng.normal(size=800) * spacing])
     wire = np.column_stack([np.linspace(-3, 3, 200), np.full(200, 3.0), 1e-3 * rng.normal(size=200)])
     assert not detect_outliers(np.vstack([points, 3 * sheet, wire]), max_gap=np.inf, max_ratio=np.inf).any()
+
+
+def test_a_surface_of_few_points_beside_a_dense_one_is_no_outlier():
+    """Ground around a ball of 600 times its density, also where both are one; what is beside the ground goes."""
+    rng = np.random.default_rng(5)
+    ball = rng.normal(size=(20_000, 3))
+    ball *= 0.2 / np.linalg.norm(ball, axis=1)[:, np.newaxis]
+    ground = np.column_stack([rng.uniform(-3, 3, (2_000, 2)), np.zeros(2_000)])
+    above = ground[::200] + [0.0, 0.0, 1.5]
+    patch = np.column_stack([rng.uniform(-0.2, 0.2, (20_000, 2)), np.zeros(20_000)])
+    for dense in (ball + [0.0, 0.0, 1.0], patch):
+        found = detect_outliers(np.vstack([dense, ground, above]))
+        assert not found[:20_000].any()
+        assert found[20_000:-10].mean() < UNEVEN
+        assert found[-10:].all()
 
 
 @pytest.mark.parametrize("ratio", [1.0, 2.0, 10.0])

@@ -14,7 +14,7 @@ from o3dleaf.core.errors import CloudWarning, InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.fitting.pu.single_blend import SingleBlend
 from o3dleaf.surface.reconstruction import extract
-from o3dleaf.surface.reconstruction.extract import SEEN, NearSurface, mesh_step, quick_field
+from o3dleaf.surface.reconstruction.extract import MAX_UNEVEN, SEEN, NearSurface, mesh_step, quick_field, uneven_step
 from tolerances import (
     CLEAN_SURFACE,
     KEPT_SHEET,
@@ -344,6 +344,16 @@ def test_the_step_of_the_mesh():
     assert 1.2 < mesh_step(2.0, 40_000) < 2.0
     assert mesh_step(2.0, 5_000, 0.05) == mesh_step(2.0, 5_000)
     assert 1.2 < mesh_step(2.0, 5_000, 0.2) < mesh_step(2.0, 5_000, 0.3) < mesh_step(2.0, 5_000, 3.0) < 2.0
+
+
+def test_an_uneven_cloud_has_no_more_than_twice_the_triangles_of_an_even_one():
+    """The area of the points is Σ s², and the triangles go with area/step²: as many a point as in an even cloud."""
+    even = np.full(5_000, 2.0)
+    assert uneven_step(even) == pytest.approx(mesh_step(2.0, 5_000))
+    assert uneven_step(np.append(even, np.full(1_000, 3.0))) == pytest.approx(mesh_step(2.0, 6_000))
+    sparse = np.append(even, np.full(1_000, 40.0))
+    triangles = (sparse**2).sum() / uneven_step(sparse) ** 2
+    assert triangles / len(sparse) == pytest.approx(MAX_UNEVEN / mesh_step(1.0, len(sparse)) ** 2)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.15, 0.4])

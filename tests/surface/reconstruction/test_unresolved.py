@@ -103,12 +103,22 @@ def test_points_without_surface_are_found_where_those_around_have_none_either():
     ball = [mesh_of(lambda x, y, z, r=r: r - np.sqrt(x**2 + y**2 + z**2)) for r in (1.0, 0.5)]
     data = samples(joined(*ball), 0.06)
     inner = np.linalg.norm(data.points, axis=1) < 0.75
-    assert not find_lost(joined(*ball)[0], data).any()
-    assert np.array_equal(find_lost(ball[0][0], data), inner)
+    assert not find_lost(*joined(*ball), data).any()
+    assert np.array_equal(find_lost(*ball[0], data), inner)
     stray = data.points.copy()
     stray[np.flatnonzero(~inner)[:5]] *= 0.8
-    assert not find_lost(joined(*ball)[0], OrientedCloud.of(stray, data.normals)).any()
+    assert not find_lost(*joined(*ball), OrientedCloud.of(stray, data.normals)).any()
     assert doubts(*ball[0], data)[0].startswith(f"{inner.sum():,} points in all have no surface")
+
+
+def test_points_on_triangles_larger_than_their_spacing_have_a_surface():
+    """The vertices of a coarse mesh are far from most points, its triangles are not."""
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
+    lattice = np.stack(np.meshgrid(*2 * [np.linspace(0, 1, 30)]), axis=-1).reshape(-1, 2)
+    data = OrientedCloud.of(np.column_stack([lattice, np.zeros(len(lattice))]), np.tile([0.0, 0, 1], (900, 1)))
+    assert not find_lost(*square, data).any()
+    above = data.points + 2 * data.spacing * data.normals
+    assert find_lost(*square, OrientedCloud.of(above, data.normals)).all()
 
 
 def test_the_job_tells_of_sheets_that_few_points_hold_apart():
