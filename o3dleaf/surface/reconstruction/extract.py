@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 import open3d as o3d
 
+from o3dleaf.core import journal
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.checks.voxels import as_step
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.mesh_arrays import BoolArray, build_mesh
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_length
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.pu.single_blend import SingleBlend
@@ -78,6 +80,10 @@ class NearSurface:
         if spacing is None:
             noise = data.noise / data.spacing if noisy and not _is_thin(data) else 0.0
             spacing = uneven_step(data.point_spacing, noise)
+            dense = mesh_step(float(np.median(data.point_spacing)), len(data), noise)
+            if spacing > dense:
+                asked = f"{tell_length(spacing)}, as most of the area asks, not {tell_length(dense)}, as most points do"
+                journal.note(f"density differs much: the mesh step is {asked}; spacing sets another")
         steps = as_step(require_positive(spacing, "spacing"))
         creased = isinstance(exact_field(field).local, LocalCreasedSplines)
         seeds, box = data.points, field.bounds

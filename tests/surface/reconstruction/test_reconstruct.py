@@ -356,6 +356,17 @@ def test_an_uneven_cloud_has_no_more_than_twice_the_triangles_of_an_even_one():
     assert triangles / len(sparse) == pytest.approx(MAX_UNEVEN / mesh_step(1.0, len(sparse)) ** 2)
 
 
+@pytest.mark.parametrize("patch", [0, 2_000])
+def test_a_step_longer_than_most_points_ask_for_is_told(patch, monkeypatch):
+    rng, told = np.random.default_rng(4), []
+    monkeypatch.setattr(extract.journal, "note", told.append)
+    places = np.vstack([rng.uniform(0, 10, (1_000, 2)), rng.uniform(4, 5, (patch, 2))])
+    cloud = OrientedCloud.of(np.pad(places, ((0, 0), (0, 1))), np.tile([0.0, 0, 1], (len(places), 1)))
+    near = NearSurface.of(fit_surface(cloud), cloud, None)
+    assert near.step == pytest.approx(uneven_step(cloud.point_spacing))
+    assert ["density differs" in line for line in told] == [True] * bool(patch)
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.15, 0.4])
 def test_vertices_are_placed_more_exactly_than_linearly_where_no_noise_hides_it(noise):
     solid, errors = samples.Torus(), []
