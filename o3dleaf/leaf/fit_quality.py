@@ -170,7 +170,7 @@ class FitQuality:
             along=range_of(distortion.along),
             across=range_of(distortion.across),
             stretch=stretch,
-            bent=find_bent_margin(blade, spacing, blade.outline.area),
+            bent=find_bent_margin(blade, spacing),
             holes=_holes(blade),
             unit=blade.unit,
         )

@@ -55,12 +55,9 @@ def in_polygon(polygon: shapely.Polygon, points: FloatArray) -> npt.NDArray[np.b
 
 def distances_beyond(polygon: shapely.Polygon, points: FloatArray) -> FloatArray:
     """Return (n, 3) the distances of (n, 2) points from a polygon's rim, above 0 outside, and their derivatives."""
-    sides = sides_of(polygon)
-    start, along = sides[:, :2], sides[:, 2:] - sides[:, :2]
-    near = shapely.STRtree(shapely.linestrings(sides.reshape(-1, 2, 2))).nearest(shapely.points(points))
-    start, along = start[near], along[near]
-    share = np.einsum("ij,ij->i", points - start, along) / np.maximum(np.einsum("ij,ij->i", along, along), 1e-300)
-    away = points - start - np.clip(share, 0, 1)[:, np.newaxis] * along
+    sides, places = shapely.linestrings(sides_of(polygon).reshape(-1, 2, 2)), shapely.points(points)
+    nearest = sides[shapely.STRtree(sides).nearest(places)]
+    away = points - shapely.get_coordinates(shapely.shortest_line(nearest, places))[::2]
     distance = np.linalg.norm(away, axis=1, keepdims=True)
     sign = np.where(in_polygon(polygon, points), -1.0, 1.0)[:, np.newaxis]
     return np.hstack([sign * distance, sign * away / np.where(distance > 0, distance, 1.0)])

@@ -19,20 +19,21 @@ from o3dleaf.surface.mesh.crossings import find_crossings
 
 STEP = 0.5
 """Side of the triangles that are looked at, in spacings; at the margin they are as small as the blade is narrow."""
-TRIANGLES = 200_000
-"""Of them at most, about."""
+MAX_TRIANGLES = 200_000
+"""Of them, about: of a scan of more than 20,000 points the side is longer."""
 CLEARANCE = 0.5
 """Spacings that the margin keeps from a crossing: no scan tells better where a leaf ends."""
 MAX_CUT = 16.0
 """Spacings squared that an end has at most: so few points may be those of the other part."""
 MAX_CUTS = 8
+"""Ends of one leaf, of which the wheat leaf has one: each costs as much as looking for the next."""
 
 
-class Contact(NamedTuple):
-    """The polygon without an end that passes through the blade, the area of that end, and its place in space."""
+class End(NamedTuple):
+    """An end that passes through the blade: the polygon without it, its area, and its place in space."""
 
     left: shapely.Polygon
-    cut: float
+    area: float
     place: FloatArray
 
 
@@ -52,29 +53,29 @@ def end_before_contacts(surface: ChartSurface, margin: Margin, spacing: float) -
     """
     polygon, notes = margin.polygon, []
     for _ in range(MAX_CUTS):
-        contacts = _contacts(surface, polygon, spacing)
-        if not contacts:
+        ends = _crossing_ends(surface, polygon, spacing)
+        if not ends:
             break
-        end = min(contacts, key=lambda contact: contact.cut)
+        end = min(ends, key=lambda each: each.area)
         polygon = end.left
-        at, less = tell_place(end.place, surface.jet(margin.ring, 0)[0]), tell_length(end.cut, 2)
-        notes.append(f"touches itself at {at}: one end of the blade, {less}, would pass through another part: cut off")
+        at, size = tell_place(end.place, surface.jet(margin.ring, 0)[0]), tell_length(end.area, 2)
+        notes.append(f"touches itself at {at}: an end of the blade, {size}, would pass through another part: cut off")
     return (cut_margin(margin, polygon) if notes else margin), tuple(notes)
 
 
-def _contacts(surface: ChartSurface, polygon: shapely.Polygon, spacing: float) -> list[Contact]:
+def _crossing_ends(surface: ChartSurface, polygon: shapely.Polygon, spacing: float) -> list[End]:
     """Return all ends within a polygon that may be cut off, those of both parts where two cross."""
-    fewest = np.sqrt(4 / np.sqrt(3) * polygon.area / TRIANGLES)
-    plane, triangles = triangulate(polygon, max(STEP * spacing, float(fewest)))
+    least = float(np.sqrt(4 / np.sqrt(3) * polygon.area / MAX_TRIANGLES))
+    plane, triangles = triangulate(polygon, max(STEP * spacing, least))
     space = surface.jet(plane, 0)[0]
-    contacts = []
+    ends = []
     for crossing in _connected(triangles[find_crossings(space, triangles)], len(plane)):
-        end = shapely.union_all(shapely.polygons(plane[crossing])).buffer(CLEARANCE * spacing)
-        left = largest(polygon.difference(end))
-        cut = polygon.area - left.area
-        if cut <= MAX_CUT * spacing**2 and len(left.interiors) <= len(polygon.interiors):
-            contacts.append(Contact(left, cut, space[crossing].mean(axis=(0, 1))))
-    return contacts
+        beside = shapely.union_all(shapely.polygons(plane[crossing])).buffer(CLEARANCE * spacing)
+        left = largest(polygon.difference(beside))
+        area = polygon.area - left.area
+        if area <= MAX_CUT * spacing**2 and len(left.interiors) <= len(polygon.interiors):
+            ends.append(End(left, area, space[crossing].mean(axis=(0, 1))))
+    return ends
 
 
 def _connected(triangles: IntArray, count: int) -> list[IntArray]:

@@ -19,7 +19,7 @@ MAX_WIDTH = 6
 START = 0.25
 """Spacings from the margin at which normals are first asked for."""
 MAX_STATIONS = 2000
-"""Places along the margin, at most: its length is known to a few hundredths by some hundred."""
+"""Places along the margin, at most: some hundred tell shares of its length to a few hundredths."""
 MAX_BENT = 0.25
 """Share of the margin's length above which it is told: real leaves roll or fold so tightly along a sixth of theirs."""
 
@@ -43,7 +43,7 @@ class BentMargin(NamedTuple):
         return [f"along {how}, bends off the blade by more than {bend}, {where}: {why}; cut those out of the scan"]
 
 
-def find_bent_margin(blade: Blade, spacing: float, area: float) -> BentMargin:
+def find_bent_margin(blade: Blade, spacing: float) -> BentMargin:
     """Return the strips along the margin of a blade over which its normal turns by more than `MIN_BEND`.
 
     Parameters
@@ -51,8 +51,6 @@ def find_bent_margin(blade: Blade, spacing: float, area: float) -> BentMargin:
     blade : Blade
     spacing : float
         Of the scan's points.
-    area : float
-        Of the blade in the plane.
     """
     stations, inward, step = _stations(blade.outline.polygon, spacing)
     depths = START + np.arange(MAX_WIDTH + WITHIN + 1.0)
@@ -64,7 +62,7 @@ def find_bent_margin(blade: Blade, spacing: float, area: float) -> BentMargin:
     turned = np.where(inside[WITHIN:], np.einsum("dni,dni->dn", normals[:-WITHIN], normals[WITHIN:]), 1.0)
     bent = turned.min(axis=0) < np.cos(MIN_BEND)
     widths = spacing * (depths[turned.argmin(axis=0)] + WITHIN / 2)
-    share = min(float(step * widths[bent].sum() / area), 1.0)
+    share = min(float(step * widths[bent].sum() / blade.outline.area), 1.0)
     return BentMargin(float(bent.mean()), share, find_places(points_on(blade, stations), bent, max(spacing, step)))
 
 

@@ -79,8 +79,8 @@ class NearSurface:
         noisy = spacing is None and data.is_measurable and not data.is_clean
         if spacing is None:
             noise = data.noise / data.spacing if noisy and not _is_thin(data) else 0.0
-            spacing = uneven_step(data.point_spacing, noise)
             dense = mesh_step(float(np.median(data.point_spacing)), len(data), noise)
+            spacing = max(dense, least_step(data.point_spacing, noise))
             if spacing > dense:
                 asked = f"{tell_length(spacing)}, as most of the area asks, not {tell_length(dense)}, as most points do"
                 journal.note(f"density differs much: the mesh step is {asked}; spacing sets another")
@@ -142,15 +142,14 @@ def mesh_step(spacing: float, count: int, noise: float = 0.0) -> float:
     return spacing * float(np.clip(np.sqrt(PER_POINT * count / MAX_TRIANGLES), least, 1.0))
 
 
-def uneven_step(point_spacing: FloatArray, noise: float = 0.0) -> float:
-    """Return the step of the mesh of points with spacings (n,): that of their median, unless they are uneven.
+def least_step(point_spacing: FloatArray, noise: float = 0.0) -> float:
+    """Return the step below which the mesh has more than twice the triangles of an even cloud of as many points (n,).
 
-    The area per point is that of the root mean square: where few points cover most of the area, as of a scan from one
-    place, steps of the median would make many times the triangles of an even cloud. They make twice as many at most.
+    The area per point is the mean square of their spacings: where few points cover most of the area, as of a scan from
+    one place, the step that their median asks for is shorter.
     """
-    middle, mean = float(np.median(point_spacing)), float(np.sqrt(np.mean(np.square(point_spacing))))
-    of_area = mesh_step(mean, len(point_spacing), noise) / np.sqrt(MAX_UNEVEN)
-    return max(mesh_step(middle, len(point_spacing), noise), float(of_area))
+    mean = float(np.sqrt(np.mean(np.square(point_spacing))))
+    return mesh_step(mean, len(point_spacing), noise) / float(np.sqrt(MAX_UNEVEN))
 
 
 def _is_thin(data: OrientedCloud) -> bool:

@@ -77,7 +77,8 @@ def find_lost(vertices: FloatArray, triangles: IntArray, data: OrientedCloud) ->
     rows = rows[query(tree, data.points[rows])[0] > reach[rows]]
     if len(rows):  # of which a triangle may be nearer: its edges may be longer than the spacing
         rows = rows[distance_to_mesh(vertices, triangles, data.points[rows]) > reach[rows]]
-    lost = np.isin(np.arange(len(data)), rows)
+    lost[:] = False
+    lost[rows] = True
     around = query(data.tree, data.points[rows], np.arange(1, min(NEIGHBORS, len(data)) + 1))[1]
     lost[rows] = lost[around].mean(axis=1) > 0.5
     return lost

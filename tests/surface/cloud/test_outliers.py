@@ -106,10 +106,8 @@ def test_points_that_were_rounded_repeat_those_that_were_not(scale, copies):
 def test_points_of_a_place_a_million_times_as_dense_repeat_no_others():
     rng = np.random.default_rng(7)
     dense = rng.normal(0, 1e-3, (200, 3)) * [1, 1, 0]
-    assert (
-        remove_faults(np.concatenate([dense, rng.uniform(-100, 100, (3000, 3)) * [1, 1, 0]]), None).removed.repeated
-        == 0
-    )
+    around = rng.uniform(-100, 100, (3000, 3)) * [1, 1, 0]
+    assert remove_faults(np.concatenate([dense, around]), None).removed.repeated == 0
 
 
 def test_the_real_leaf_keeps_its_thin_parts(real_scan):

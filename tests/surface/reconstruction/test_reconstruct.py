@@ -14,7 +14,7 @@ from o3dleaf.core.errors import CloudWarning, InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.fitting.pu.single_blend import SingleBlend
 from o3dleaf.surface.reconstruction import extract
-from o3dleaf.surface.reconstruction.extract import MAX_UNEVEN, SEEN, NearSurface, mesh_step, quick_field, uneven_step
+from o3dleaf.surface.reconstruction.extract import MAX_UNEVEN, SEEN, NearSurface, least_step, mesh_step, quick_field
 from tolerances import (
     CLEAN_SURFACE,
     KEPT_SHEET,
@@ -349,10 +349,10 @@ def test_the_step_of_the_mesh():
 def test_an_uneven_cloud_has_no_more_than_twice_the_triangles_of_an_even_one():
     """The area of the points is Σ s², and the triangles go with area/step²: as many a point as in an even cloud."""
     even = np.full(5_000, 2.0)
-    assert uneven_step(even) == pytest.approx(mesh_step(2.0, 5_000))
-    assert uneven_step(np.append(even, np.full(1_000, 3.0))) == pytest.approx(mesh_step(2.0, 6_000))
+    assert least_step(even) < mesh_step(2.0, 5_000)
+    assert least_step(np.append(even, np.full(1_000, 3.0))) < mesh_step(2.0, 6_000)
     sparse = np.append(even, np.full(1_000, 40.0))
-    triangles = (sparse**2).sum() / uneven_step(sparse) ** 2
+    triangles = (sparse**2).sum() / least_step(sparse) ** 2
     assert triangles / len(sparse) == pytest.approx(MAX_UNEVEN / mesh_step(1.0, len(sparse)) ** 2)
 
 
@@ -363,7 +363,8 @@ def test_a_step_longer_than_most_points_ask_for_is_told(patch, monkeypatch):
     places = np.vstack([rng.uniform(0, 10, (1_000, 2)), rng.uniform(4, 5, (patch, 2))])
     cloud = OrientedCloud.of(np.pad(places, ((0, 0), (0, 1))), np.tile([0.0, 0, 1], (len(places), 1)))
     near = NearSurface.of(fit_surface(cloud), cloud, None)
-    assert near.step == pytest.approx(uneven_step(cloud.point_spacing))
+    dense = mesh_step(float(np.median(cloud.point_spacing)), len(cloud))
+    assert near.step == pytest.approx(max(dense, least_step(cloud.point_spacing)))
     assert ["density differs" in line for line in told] == [True] * bool(patch)
 
 
