@@ -8,7 +8,7 @@ from o3dleaf.commands.patch import CROP_HELP, LAYOUT_HELP, parse_box, require_bo
 from o3dleaf.core.arguments.kinds import Finite, Positive
 from o3dleaf.core.atomic_files import write_json
 from o3dleaf.core.checks.files import is_folder
-from o3dleaf.core.errors import InputError
+from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.core.jobs.job import Job
 from o3dleaf.core.jobs.option import argument, option
 from o3dleaf.core.jobs.shared import UnitOption
@@ -142,6 +142,7 @@ class InfoJob(UnitOption, Job):
             "level": self.level,
             "drift": None if classes is None else str(find_drift(small)),
             "rings": None if classes is None else str(find_rings(middle_slices(volume), axis)),
+            "patch": self.patch_of(volume, level) if isinstance(level, float) else None,
             "hairs": str(find_cut_hairs(volume, level)) if isinstance(level, float) else None,
             "voids_looked_for_in": list(small.shape),
             "levels": [asdict(row) for row in rows],
@@ -162,6 +163,16 @@ class InfoJob(UnitOption, Job):
         try:
             return volume.threshold(self.level)
         except InputError as none:
+            return str(none)
+
+    def patch_of(self, volume: "Volume", level: float) -> str:
+        """Return the size of the patch that tiles are made of, and what is left out, or why there is none."""
+        from o3dleaf.leaf.ct.align import align_blade
+        from o3dleaf.leaf.ct.patch import find_patch
+
+        try:
+            return str(find_patch(volume, level, align_blade(volume, level)))
+        except O3DLeafError as none:
             return str(none)
 
     def geometry(self) -> dict[str, Any]:

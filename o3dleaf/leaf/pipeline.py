@@ -22,8 +22,8 @@ from o3dleaf.fitting.local.voxels.lattice_fit import cost_of_fit
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.ct.align import align_blade
-from o3dleaf.leaf.ct.box import inscribed_box
 from o3dleaf.leaf.ct.hairs import find_cut_hairs
+from o3dleaf.leaf.ct.patch import find_patch
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.leaf.instancing.sets.tile_set import TilesAhead
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -126,10 +126,10 @@ def _build_texture(volume: Volume, options: TextureOptions) -> TiledField | Wang
     with stage("threshold and align"):
         level = volume.threshold(options.level)
         transform = align_blade(volume, level)
-        box = inscribed_box(volume.bounds, transform)
-        cut = find_cut_hairs(volume, level)
-        if cut.count:
-            text = f"volume: {cut}, and end abruptly in every tile"
+        patch = find_patch(volume, level, transform)
+        hairs = find_cut_hairs(volume.crop(patch.within) if patch.cut else volume, level)
+        cut = [*patch.cut, *([f"{hairs}, and end abruptly in every tile"] if hairs.count else [])]
+        for text in (f"volume: {each}" for each in cut):
             journal.note(text) if journal.open_journal() else warnings.warn(text, DataWarning, stacklevel=4)
 
     options.check_tiles()
@@ -144,7 +144,7 @@ def _build_texture(volume: Volume, options: TextureOptions) -> TiledField | Wang
         band=True,
         rho=options.rho,
         unit=volume.unit,
-        bounds=box,
+        bounds=patch.box,
     )
 
     # A smoothed implicit interpolant F(z) = f_surface on the voxels.

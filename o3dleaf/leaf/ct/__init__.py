@@ -10,7 +10,9 @@
 `pure`       voxels that are air or leaf, and nothing between
 `drift`      air and leaf of the same intensity in every slice
 `rings`      rings around the scanner's axis, found and removed
+`blade`      the sheet among what is solid in a volume
 `align`      the rigid motion that lays a blade flat
 `hairs`      hairs that the sides cut, and a crop without
 `box`        the largest upright box in a turned one
+`patch`      the part that tiles are made of: blade from side to side, and nothing else
 """

@@ -1,19 +1,17 @@
 """Alignment of the patch: the blade into the (x, y) plane, its ridges along x, without resampling a voxel."""
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 from scipy import fft
-from scipy.ndimage import distance_transform_edt, label
+from scipy.ndimage import distance_transform_edt
 from scipy.optimize import minimize
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.coordinates import as_points
-from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.parallel import single_threaded_blas
+from o3dleaf.leaf.ct.blade import OTHERS, SolidBlade
 from o3dleaf.leaf.ct.volume import Volume, thinned
 
 MIN_TURN = np.radians(0.25)
@@ -22,8 +20,6 @@ HAIR = 3.0
 """Heights more than so many typical deviations off the plane belong to hairs."""
 MIN_WAVE, MAX_WAVE = 4.0, 1.0 / 2.5
 """Ridges are looked for with wavelengths from 4 voxels to 1/2.5 of the patch."""
-OTHERS = (1, 2), (0, 2), (0, 1)
-"""The axes beside each one."""
 
 
 @checked
@@ -38,10 +34,11 @@ def align_blade(
 
     "We take care to appropriately rotate the micro-scale data before fitting to ensure that the
     leaf aligns with the :math:`(z_1, z_2)` plane" (the paper's section on the multi-scale
-    reconstruction). The blade is the largest piece above `level`. A plane is fitted to the middles
-    of the blade over the columns of voxels that cross it whole (Hann weights, so that a part of a
-    ridge at the edge does not tilt it; columns with hairs left out). The ridges' direction is that
-    of the highest peak in the spectrum of the blade's thickness, to which both faces' ridges add.
+    reconstruction). The blade is the largest piece above `level` that columns of voxels cross.
+    A plane is fitted to the middles of the blade over the columns that cross it whole (Hann weights,
+    so that a part of a ridge at the edge does not tilt it; columns with hairs left out). The ridges'
+    direction is that of the highest peak in the spectrum of the blade's thickness, to which both
+    faces' ridges add.
 
     Parameters
     ----------
@@ -70,11 +67,12 @@ def align_blade(
 
 
 def _align(volume: Volume, level: str | float, up: npt.ArrayLike | None, along: npt.ArrayLike | None) -> FloatArray:
-    blade = _largest_piece(volume.data > volume.threshold(level))
-    normal_axis = thin_axis(blade, volume.spacing)
-    middles, thickness = _columns(blade, normal_axis)
-    u_axis, v_axis = (a for a in range(3) if a != normal_axis)
-    u, v = (volume.origin[a] + volume.spacing[a] * np.arange(blade.shape[a]) for a in (u_axis, v_axis))
+    blade = SolidBlade.of(volume.data > volume.threshold(level), volume.spacing)
+    normal_axis, (u_axis, v_axis) = blade.axis, OTHERS[blade.axis]
+    # A column that does not cross the blade whole says nothing of its middle.
+    middles = np.where(blade.crossed, 0.5 * (blade.first + blade.last), np.nan)
+    thickness = np.where(blade.crossed, blade.last - blade.first + 1.0, np.nan)
+    u, v = (volume.origin[a] + volume.spacing[a] * np.arange(volume.shape[a]) for a in (u_axis, v_axis))
     scale, shift = volume.spacing[normal_axis], volume.origin[normal_axis]
     slopes, height = fit_plane(u, v, middles * scale + shift)
     direction = _ridge_direction(u, v, thickness * scale)
@@ -89,53 +87,6 @@ def _align(volume: Volume, level: str | float, up: npt.ArrayLike | None, along: 
     transform[:3, :3] = R
     transform[:3, 3] = [*(center - R @ center)[:2], -(R @ on_plane)[2]]
     return transform
-
-
-def piece_sizes(pieces: npt.NDArray[np.integer[Any]], count: int) -> npt.NDArray[np.int64]:
-    """Return how many voxels each of `count` pieces has, and what is of none first.
-
-    Plane by plane: NumPy counts in eight bytes a voxel.
-    """
-    sizes = np.zeros(count + 1, dtype=np.int64)
-    for plane in pieces:
-        sizes += np.bincount(plane.ravel(), minlength=count + 1)
-    return sizes
-
-
-def _largest_piece(solid: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    pieces, count = label(solid)
-    return np.asarray(pieces == 1 + int(np.argmax(piece_sizes(pieces, count)[1:]))) if count else solid
-
-
-def thin_axis(blade: npt.NDArray[np.bool_], spacing: FloatArray) -> int:
-    """Return the axis of the lattice nearest to the direction in which the blade is thinnest."""
-    count = np.count_nonzero(blade)
-    if count < 4:
-        raise ReconstructionError("align: no blade was found in the volume at this threshold; lower the threshold")
-    places = [step * np.arange(size, dtype=np.float64) for step, size in zip(spacing, blade.shape, strict=True)]
-    places = [each - blade.sum(axis=others) @ each / count for each, others in zip(places, OTHERS, strict=True)]
-    moments = np.empty((3, 3))
-    # Of sums over lines: the places of all its voxels are 24 times as much memory as the blade.
-    for axis, left in enumerate(OTHERS):
-        (a, b), plane = left, blade.sum(axis=axis)
-        moments[a, b] = moments[b, a] = places[a] @ plane @ places[b]
-        moments[a, a], moments[b, b] = plane.sum(axis=1) @ places[a] ** 2, plane.sum(axis=0) @ places[b] ** 2
-    _, directions = np.linalg.eigh(moments)
-    return int(np.argmax(abs(directions[:, 0])))
-
-
-def _columns(blade: npt.NDArray[np.bool_], axis: int) -> tuple[FloatArray, FloatArray]:
-    """Middle and thickness of the blade over each column, in voxels; NaN where a column does not cross it whole."""
-    columns = np.moveaxis(blade, axis, 2)
-    count = columns.shape[2]
-    first = np.argmax(columns, axis=2)
-    last = count - 1 - np.argmax(columns[:, :, ::-1], axis=2)
-    whole = columns.any(axis=2) & (first > 0) & (last < count - 1)
-    if whole.sum() < 100:
-        raise ReconstructionError(
-            f"align: only {whole.sum()} columns of voxels cross the blade from air to air; crop the volume less"
-        )
-    return np.where(whole, 0.5 * (first + last), np.nan), np.where(whole, last - first + 1.0, np.nan)
 
 
 def fit_plane(u: FloatArray, v: FloatArray, height: FloatArray) -> tuple[FloatArray, float]:

@@ -8,7 +8,8 @@ import numpy.typing as npt
 from scipy.ndimage import find_objects, gaussian_filter, generate_binary_structure, label
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.leaf.ct.align import fit_plane, piece_sizes, thin_axis
+from o3dleaf.leaf.ct.align import fit_plane
+from o3dleaf.leaf.ct.blade import piece_sizes, thin_axis
 from o3dleaf.leaf.ct.volume import Volume, thinned
 
 BLUR = 0.5
@@ -111,7 +112,9 @@ def _ends(values: FloatArray) -> FloatArray:
     last = values.shape[2] - 1 - np.argmax(inside[:, :, ::-1], axis=2)[:, :, np.newaxis]
     at = np.take_along_axis(values, last, axis=2)
     beyond = np.take_along_axis(values, np.minimum(last + 1, values.shape[2] - 1), axis=2)
-    ends: FloatArray = np.where(inside.any(axis=2), (last + at / np.maximum(at - beyond, at))[:, :, 0], np.nan)
+    met = inside.any(axis=2)
+    ends = np.full(met.shape, np.nan)
+    ends[met] = (last[met] + at[met] / np.maximum(at - beyond, at)[met])[:, 0]
     return ends
 
 

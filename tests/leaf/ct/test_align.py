@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from o3dleaf import Volume, align_blade
 from o3dleaf.core.errors import InputError, ReconstructionError
-from o3dleaf.leaf.ct.align import thin_axis
+from o3dleaf.leaf.ct.blade import thin_axis
 from o3dleaf.leaf.ct.box import inscribed_box
 from o3dleaf.leaf.ct.volume import apply_transform
 from o3dleaf.samples import wheat_ct
