@@ -315,7 +315,7 @@ def test_info_says_what_a_file_holds(run, files, tmp_path):
     contents = json.loads((tmp_path / "ct.json").read_text())
     assert contents["shape"] == [30, 30, 20]
     assert "rings around" in contents["rings"]
-    assert contents["patch"].endswith("mm")
+    assert " × " in contents["patch"]
     assert "of the step" in contents["drift"]
     points = len(o3d.io.read_point_cloud(files / "scan.ply").points)
     assert f" {points}\n" in run("info", files / "scan.ply", "--unit", "mm").stdout
