@@ -16,8 +16,9 @@ from .leaf.ct.formats.stated import VoxelLayout as VoxelLayout
 from .leaf.ct.volume import Volume as Volume
 from .leaf.ct.on_disk import VolumeOnDisk as VolumeOnDisk
 from .leaf.ct.align import align_blade as align_blade
-from .leaf.ct.drift import remove_drift as remove_drift
-from .leaf.ct.rings import remove_rings as remove_rings
+from .leaf.ct.corrections.bend import remove_bend as remove_bend
+from .leaf.ct.corrections.drift import remove_drift as remove_drift
+from .leaf.ct.corrections.rings import remove_rings as remove_rings
 from .leaf.ct.formats.tiff import write_volume as write_volume
 from .fitting.rbf.kernels import polyharmonic as polyharmonic
 from .fitting.rbf.interpolant import RBFInterpolant as RBFInterpolant

@@ -1074,6 +1074,11 @@ RINGS_LEFT = 0.55
 """Of rings at 12 µm: 0.30 to 0.46. Slices that run along the surface have no voxels that tell them: 0.6 at 24 µm."""
 UNTOUCHED = 0.2
 """Of a noise of a tenth of the step, or more: what has no drift or rings changes by 0.13 of it, or less."""
+BEND_OFF = 0.15
+"""Of a voxel of 24 µm: heights of a bend; 0.01 to 0.07."""
+BEND_LEFT = 0.1
+"""Of the difference that a bend makes to intensities without noise: 0.02 to 0.05."""
+
 
 # --- droplets ---
 

@@ -102,10 +102,10 @@ class InfoJob(UnitOption, Job):
         """Return the figures of a volume."""
         import numpy as np
 
-        from o3dleaf.leaf.ct.drift import find_drift
+        from o3dleaf.leaf.ct.corrections.drift import find_drift
+        from o3dleaf.leaf.ct.corrections.rings import find_rings, middle, middle_slices
         from o3dleaf.leaf.ct.formats.read import open_stated, read_stated
         from o3dleaf.leaf.ct.hairs import find_cut_hairs
-        from o3dleaf.leaf.ct.rings import find_rings, middle, middle_slices
         from o3dleaf.leaf.ct.threshold import find_classes
         from o3dleaf.leaf.ct.voids import levels_around, pieces_at_levels
         from o3dleaf.leaf.ct.volume import thinned
@@ -142,7 +142,7 @@ class InfoJob(UnitOption, Job):
             "level": self.level,
             "drift": None if classes is None else str(find_drift(small)),
             "rings": None if classes is None else str(find_rings(middle_slices(volume), axis)),
-            "patch": self.patch_of(volume, level) if isinstance(level, float) else None,
+            **(self.blade_in(volume, level) if isinstance(level, float) else {}),
             "hairs": str(find_cut_hairs(volume, level)) if isinstance(level, float) else None,
             "voids_looked_for_in": list(small.shape),
             "levels": [asdict(row) for row in rows],
@@ -165,15 +165,17 @@ class InfoJob(UnitOption, Job):
         except InputError as none:
             return str(none)
 
-    def patch_of(self, volume: "Volume", level: float) -> str:
-        """Return the size of the patch that tiles are made of, and what is left out, or why there is none."""
+    def blade_in(self, volume: "Volume", level: float) -> dict[str, str]:
+        """Return how the blade bends, and the patch that tiles are made of, in words, or why there is none."""
         from o3dleaf.leaf.ct.align import align_blade
+        from o3dleaf.leaf.ct.corrections.bend import find_bend
         from o3dleaf.leaf.ct.patch import find_patch
 
         try:
-            return str(find_patch(volume, level, align_blade(volume, level)))
+            patch = find_patch(volume, level, align_blade(volume, level))
+            return {"bend": str(find_bend(volume, level)), "patch": str(patch)}
         except O3DLeafError as none:
-            return str(none)
+            return {"patch": str(none)}
 
     def geometry(self) -> dict[str, Any]:
         """Return the figures of a mesh or a point cloud."""

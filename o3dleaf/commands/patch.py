@@ -66,6 +66,9 @@ class CtOptions(TextureOptions):
         False, "Give air and leaf the same intensities in all slices, which follow one another along z.", **OF_VOLUME
     )
     remove_rings: bool = option(False, "Remove rings, and cupping, around the scanner's axis along z.", **OF_VOLUME)
+    remove_bend: bool = option(
+        False, "Straighten a blade that bends in the volume, which every tile would repeat.", **OF_VOLUME
+    )
     ring_axis: tuple[float, float] | None = option(
         None,
         "X Y of the rings' axis (the middle of the file's slices, by default)",
@@ -104,13 +107,14 @@ class CtOptions(TextureOptions):
             return []
         crop = self.ct_crop
         voxels = count_voxels(path) if crop is None else count_cropped(path, crop, **self.lattice)
-        return [need_for_texture(voxels, corrected=self.remove_drift or self.remove_rings)]
+        return [need_for_texture(voxels, corrected=self.is_corrected)]
 
     def read_volume(self, path: Path) -> "Volume":
         """Return the volume of a file, or of the part of it that is wanted, corrected as was asked for."""
-        from o3dleaf.leaf.ct.drift import remove_drift
+        from o3dleaf.leaf.ct.corrections.bend import remove_bend
+        from o3dleaf.leaf.ct.corrections.drift import remove_drift
+        from o3dleaf.leaf.ct.corrections.rings import middle, remove_rings
         from o3dleaf.leaf.ct.formats.read import open_volume, read_volume
-        from o3dleaf.leaf.ct.rings import middle, remove_rings
 
         if self.ct_crop is None:
             volume = read_volume(path, **self.lattice)
@@ -124,7 +128,12 @@ class CtOptions(TextureOptions):
             volume = remove_drift(volume)
         if self.remove_rings:
             volume = remove_rings(volume, self.ring_axis or axis)
-        return volume
+        return remove_bend(volume, self.level) if self.remove_bend else volume
+
+    @property
+    def is_corrected(self) -> bool:
+        """Whether the voxels that are fitted are others than those of the file."""
+        return self.remove_drift or self.remove_rings or self.remove_bend
 
     @property
     def lattice(self) -> dict[str, Any]:
@@ -176,10 +185,10 @@ class PatchJob(CtOptions, BlockOption, ResumeOption, ClusterOptions, LongJob):
         self.check_texture()
         if self.tile_solid is not None and self.spacing is None:
             raise InputError("spacing: is missing, and the block of tile-solid is meshed at it; give it")
-        if self.is_spread and (self.remove_drift or self.remove_rings):
+        if self.is_spread and self.is_corrected:
             raise InputError(
-                "workers, scheduler: read the voxels of the file as they are; leave out remove-drift and remove-rings, "
-                "or write the corrected volume first (write_volume)"
+                "workers, scheduler: read the voxels of the file as they are; leave out remove-drift, remove-rings and "
+                "remove-bend, or write the corrected volume first (write_volume)"
             )
 
     def estimate(self) -> "list[Need]":

@@ -22,6 +22,7 @@ from o3dleaf.fitting.local.voxels.lattice_fit import cost_of_fit
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.ct.align import align_blade
+from o3dleaf.leaf.ct.corrections.bend import find_bend
 from o3dleaf.leaf.ct.hairs import find_cut_hairs
 from o3dleaf.leaf.ct.patch import find_patch
 from o3dleaf.leaf.ct.volume import Volume
@@ -128,8 +129,13 @@ def _build_texture(volume: Volume, options: TextureOptions) -> TiledField | Wang
         transform = align_blade(volume, level)
         patch = find_patch(volume, level, transform)
         hairs = find_cut_hairs(volume.crop(patch.within) if patch.cut else volume, level)
-        cut = [*patch.cut, *([f"{hairs}, and end abruptly in every tile"] if hairs.count else [])]
-        for text in (f"volume: {each}" for each in cut):
+        bend = find_bend(volume, level)
+        told = patch.cut
+        if bend.prevails:
+            told.append(f"{bend}, and every tile repeats it; remove_bend straightens it")
+        elif hairs.count:  # which are told from the blade by its plane
+            told.append(f"{hairs}, and end abruptly in every tile")
+        for text in (f"volume: {each}" for each in told):
             journal.note(text) if journal.open_journal() else warnings.warn(text, DataWarning, stacklevel=4)
 
     options.check_tiles()

@@ -767,6 +767,7 @@ DOORS: dict[str, Door] = {
         origin=VECTOR.optional,
         layout=OBJECT.optional,
     ),
+    "remove_bend": door(o3l.remove_bend, volume=OBJECT.like(lambda w: w.volume), level=NUMBER.like(50.0)),
     "remove_drift": door(o3l.remove_drift, volume=OBJECT.like(lambda w: w.volume)),
     "remove_rings": door(
         o3l.remove_rings, volume=OBJECT.like(lambda w: w.volume), axis=VECTOR.like((1.0, 0.0)).optional

@@ -7,10 +7,9 @@
 `mixture`    air, leaf and the voxels between them, fitted to a histogram
 `threshold`  the intensity between air and leaf
 `voids`      voids and loose pieces of a volume over a range of levels
-`pure`       voxels that are air or leaf, and nothing between
-`drift`      air and leaf of the same intensity in every slice
-`rings`      rings around the scanner's axis, found and removed
+`corrections` drift, rings, and a blade that bends
 `blade`      the sheet among what is solid in a volume
+`heights`    planes and quadrics through the heights of a blade
 `align`      the rigid motion that lays a blade flat
 `hairs`      hairs that the sides cut, and a crop without
 `box`        the largest upright box in a turned one

@@ -3,7 +3,6 @@
 import numpy as np
 import numpy.typing as npt
 from scipy import fft
-from scipy.ndimage import distance_transform_edt
 from scipy.optimize import minimize
 
 from o3dleaf.core.arguments.checked import checked
@@ -12,12 +11,11 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.leaf.ct.blade import OTHERS, SolidBlade
+from o3dleaf.leaf.ct.heights import HAIR, fit_plane, hann_window
 from o3dleaf.leaf.ct.volume import Volume, thinned
 
 MIN_TURN = np.radians(0.25)
 """A smaller turn is within the accuracy of a ridge's direction; left out, it keeps the voxels on straight rows."""
-HAIR = 3.0
-"""Heights more than so many typical deviations off the plane belong to hairs."""
 MIN_WAVE, MAX_WAVE = 4.0, 1.0 / 2.5
 """Ridges are looked for with wavelengths from 4 voxels to 1/2.5 of the patch."""
 
@@ -89,26 +87,10 @@ def _align(volume: Volume, level: str | float, up: npt.ArrayLike | None, along: 
     return transform
 
 
-def fit_plane(u: FloatArray, v: FloatArray, height: FloatArray) -> tuple[FloatArray, float]:
-    """Return slopes (2,) and height at (0, 0) of the plane through heights (nu, nv), without the hairs."""
-    weight = _window(height)
-    known = weight > 0
-    grid = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)[known]
-    design = np.column_stack([grid, np.ones(len(grid))])
-    z, w = height[known], weight[known]
-    for _ in range(5):
-        root = np.sqrt(w)[:, np.newaxis]
-        # Centered and scaled by lstsq's own orthogonal factors; three unknowns need no more.
-        plane = np.linalg.lstsq(design * root, z * root[:, 0], rcond=None)[0]
-        off = abs(z - design @ plane)
-        w = np.where(off <= HAIR * max(np.median(off), 1e-12 * np.ptp(z)), weight[known], 0.0)
-    return plane[:2], float(plane[2])
-
-
 def _ridge_direction(u: FloatArray, v: FloatArray, thickness: FloatArray) -> FloatArray:
     """Return the unit vector (2,) along the ridges, across the wave of highest power in the thickness (nu, nv)."""
     slopes, base = fit_plane(u, v, thickness)
-    weight = _window(thickness)
+    weight = hann_window(thickness)
     off = np.where(weight > 0, thickness, 0.0) - (u[:, np.newaxis] * slopes[0] + v * slopes[1] + base)
     limit = HAIR * np.median(abs(off[weight > 0]))
     wave = weight * np.clip(off, -limit, limit)
@@ -130,13 +112,6 @@ def _ridge_direction(u: FloatArray, v: FloatArray, thickness: FloatArray) -> Flo
     across = np.array([fu[i] + shift[0] * fu[1], fv[j] + shift[1] * fv[1]])
     direction: FloatArray = np.array([-across[1], across[0]]) / np.linalg.norm(across)
     return direction
-
-
-def _window(height: FloatArray) -> FloatArray:
-    """Weights that fall to zero at the edge of the known heights, so that a cut ridge does not count as a slope."""
-    inward = distance_transform_edt(np.pad(np.isfinite(height), 1))[1:-1, 1:-1]
-    bell: FloatArray = np.sin(0.5 * np.pi * inward / inward.max()) ** 2
-    return bell
 
 
 def _turned_least(x: FloatArray, z: FloatArray, up: npt.ArrayLike | None, along: npt.ArrayLike | None) -> FloatArray:

@@ -8,8 +8,8 @@ import numpy.typing as npt
 from scipy.ndimage import find_objects, gaussian_filter, generate_binary_structure, label
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.leaf.ct.align import fit_plane
 from o3dleaf.leaf.ct.blade import piece_sizes, thin_axis
+from o3dleaf.leaf.ct.heights import fit_plane
 from o3dleaf.leaf.ct.volume import Volume, thinned
 
 BLUR = 0.5

@@ -18,7 +18,7 @@ from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.errors import InputError
-from o3dleaf.leaf.ct.pure import classes_of, pure_voxels, slabs_of
+from o3dleaf.leaf.ct.corrections.pure import classes_of, pure_voxels, slabs_of
 from o3dleaf.leaf.ct.threshold import MAX_VOXELS
 from o3dleaf.leaf.ct.volume import PlacedVoxels, Volume
 

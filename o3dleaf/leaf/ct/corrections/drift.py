@@ -9,7 +9,7 @@ from scipy.interpolate import make_smoothing_spline
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.leaf.ct.pure import classes_of, pure_voxels, slabs_of
+from o3dleaf.leaf.ct.corrections.pure import classes_of, pure_voxels, slabs_of
 from o3dleaf.leaf.ct.volume import Volume
 
 ROUNDS = 3

@@ -7,8 +7,8 @@ import pytest
 
 from o3dleaf import Volume, remove_drift, remove_rings
 from o3dleaf.errors import InputError
-from o3dleaf.leaf.ct.drift import find_drift
-from o3dleaf.leaf.ct.rings import find_rings, middle, middle_slices
+from o3dleaf.leaf.ct.corrections.drift import find_drift
+from o3dleaf.leaf.ct.corrections.rings import find_rings, middle, middle_slices
 from o3dleaf.samples import wheat_ct
 from tests.tolerances import DRIFT_LEFT, RINGS_LEFT, UNTOUCHED
 
@@ -98,14 +98,14 @@ def test_both_go_with_the_intensities_and_with_the_unit(scale, zero):
 def test_parts_are_those_of_the_whole(monkeypatch):
     volume = drifting(patch(0.02))
     whole = [correct(volume).data for correct in (remove_drift, remove_rings)]
-    monkeypatch.setattr("o3dleaf.leaf.ct.pure.SLAB", 3 * 140 * 140)
+    monkeypatch.setattr("o3dleaf.leaf.ct.corrections.pure.SLAB", 3 * 140 * 140)
     parts = [correct(volume).data for correct in (remove_drift, remove_rings)]
     np.testing.assert_allclose(whole, parts, atol=1e-6 * STEP, rtol=0)  # sums in another order
 
 
 def test_slices_about_the_middle_keep_their_place(monkeypatch):
     volume = patch(0.02)
-    monkeypatch.setattr("o3dleaf.leaf.ct.rings.MAX_VOXELS", 6 * 140 * 140)
+    monkeypatch.setattr("o3dleaf.leaf.ct.corrections.rings.MAX_VOXELS", 6 * 140 * 140)
     part = middle_slices(volume)
     np.testing.assert_array_equal(part.data, volume.crop(part.bounds).data)
     assert part.shape == (140, 140, 6)
