@@ -132,7 +132,7 @@ def _build_texture(volume: Volume, options: TextureOptions) -> TiledField | Wang
         bend = find_bend(volume, level)
         told = patch.cut
         if bend.prevails:
-            told.append(f"{bend}, and every tile repeats it; remove_bend straightens it")
+            told.append(f"{bend}, and every tile repeats it; remove_bend (--remove-bend) straightens it")
         elif hairs.count:  # which are told from the blade by its plane
             told.append(f"{hairs}, and end abruptly in every tile")
         for text in (f"volume: {each}" for each in told):

@@ -113,7 +113,7 @@ def test_slabs_are_those_of_the_whole(monkeypatch):
 
 def test_a_bend_that_tiles_would_repeat_is_said_and_none_that_was_removed():
     volume, _ = bent(BENDS[0])
-    with pytest.warns(DataWarning, match="remove_bend straightens it"):
+    with pytest.warns(DataWarning, match="every tile repeats it"):
         create_texture(volume, options=TextureOptions(rho=0.0))
     assert not find_bend(remove_bend(volume)).prevails
 
