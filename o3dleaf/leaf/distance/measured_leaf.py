@@ -54,7 +54,8 @@ class MeasuredLeaf(TexturedBlade):
 
         The leaf is where G > 0 and (along, across) is in the outline: its surface is the two faces with their
         hairs, the rim, and the walls of the air pockets, which are outside. At every finite point it is finite; to
-        the surface's samples it is a true minimum, and beside the nearest of them Newton's method finds the foot.
+        the surface's samples it is a true minimum, and beside the nearest of them Newton's method finds the foot. Beside a
+        rim that tapers within less than a spacing of the samples it may be a quarter of that too large.
 
         Parameters
         ----------
