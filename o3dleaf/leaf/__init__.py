@@ -17,6 +17,7 @@ Composed, they are one implicit function of the whole leaf.
 `distance`        distance to the leaf, and projection onto it
 `tile_lattice`    the lattices that divide its period
 `remeshing`       its surface as a projection target; its mesh remeshed
+`thin_rim`        vertices lowered beside a tapered rim, where triangles would cross
 `meshing`         `MeshPlan`: its surface as a mesh
 `fine_windows`    a mesh with finer windows
 `residuals`       a scan's points against a blade: their noise, their places

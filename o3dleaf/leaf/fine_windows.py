@@ -15,6 +15,7 @@ from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level, extract_levels
 from o3dleaf.leaf.textured_blade import TexturedBlade
+from o3dleaf.leaf.thin_rim import FlatMesh, lowered_vertices
 from o3dleaf.leaf.tile_lattice import extract_tiles, refine_tiles
 
 
@@ -30,6 +31,8 @@ def extract_windows(
     for region, step in windows:
         _insert(leaf, root, as_bounds(region, 2, "region"), require_positive(step, "spacing"))
     vertices, triangles, labels = extract_levels(root)
+    lowered = lowered_vertices(leaf.blade, FlatMesh(vertices, triangles, labels), float(plane[1].max()))
+    vertices = lowered.apply(vertices)
     return LabelledMesh(build_mesh(leaf.blade.lift(vertices), triangles), labels, unit=leaf.unit)
 
 

@@ -33,6 +33,7 @@ from o3dleaf.leaf.instancing.reduced import reduce_tile
 from o3dleaf.leaf.remeshing import LeafTarget, remesh_flat, remesh_leaf
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
+from o3dleaf.leaf.thin_rim import lower_crossings
 from o3dleaf.leaf.tile_lattice import PeriodOf, extract_tiles, tile_lattice
 from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions
 from o3dleaf.surface.repair.simplify import simplify_mesh
@@ -64,6 +65,8 @@ class MeshPlan:
         Pockets of air filled and islands removed, in every tile.
     fragments : Fragments
         Pieces that the outline cut off, and that are left out.
+    lowered : LoweredVertices
+        Vertices beside a tapered rim that are lower than the surface, so that no triangles cross.
     """
 
     def __init__(
@@ -107,6 +110,7 @@ class MeshPlan:
             edge = leaf.blade.edge_thickness(float(np.linalg.norm(plane[1])))
             area = footprint(sides_of(self.outline), *plane, box, edge)
             self.assembly = Assembly(tiles, area, closed=closed, cut=cut, reduced=reduced)
+            self.lowered = lower_crossings(leaf, self.assembly, float(plane[1].max()))
             self._counting = time.perf_counter() - started
 
     def __repr__(self) -> str:
@@ -179,7 +183,7 @@ class MeshPlan:
         """
         arrays, blade = Arrays(self.assembly), self.leaf.blade
         if remesh is None:
-            self.assembly.emit(arrays, blade.lift)
+            self.assembly.emit(arrays, self._lift)
             return self._labelled(arrays)
         edge = require_positive(remesh, "remesh")
         emitting, remeshing = progress.split(1, 20)
@@ -206,19 +210,22 @@ class MeshPlan:
         parts = current_parts()
         if parts is None:
             with mesh_file(path, self.assembly, self._comments) as sink:
-                self.assembly.emit(sink, self.leaf.blade.lift)
+                self.assembly.emit(sink, self._lift)
             return
         scratch = parts.path(ROWS)
         first = parts.state.get(ROWS, 0) if scratch.exists() else 0
         with mesh_file(path, self.assembly, self._comments, scratch=scratch) as sink:
-            self.assembly.emit(sink, self.leaf.blade.lift, first=first, finished=partial(parts.record, ROWS))
+            self.assembly.emit(sink, self._lift, first=first, finished=partial(parts.record, ROWS))
 
     def write_and_extract(self, path: str | PathLike[str]) -> LabelledMesh:
         """Do both, `write` and `extract`, with every vertex taken to the world once."""
         arrays = Arrays(self.assembly)
         with mesh_file(path, self.assembly, self._comments) as sink:
-            self.assembly.emit(Copies(arrays, sink), self.leaf.blade.lift)
+            self.assembly.emit(Copies(arrays, sink), self._lift)
         return self._labelled(arrays)
+
+    def _lift(self, flat: FloatArray) -> FloatArray:
+        return self.leaf.blade.lift(self.lowered.apply(flat))
 
     def _labelled(self, arrays: Arrays) -> LabelledMesh:
         return LabelledMesh(build_mesh(arrays.vertices, arrays.triangles), arrays.labels, unit=self.leaf.unit)

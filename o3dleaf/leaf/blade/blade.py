@@ -1,7 +1,7 @@
 """The blade: the macro-scale leaf as a map between flat coordinates and the world, inside an outline."""
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,16 @@ DIFFERENCE_STEP = 1e-4
 """Step of the differences of the lift's Jacobian, of the blade's width: blades bend over their width."""
 
 OpenEdges: TypeAlias = Literal["cells", "cut"]
+
+
+class RimThickness(Protocol):
+    """The thickness of a blade that falls, within a radius of its margin, from 1 to the least one; see `Taper`."""
+
+    radius: float
+    least: float
+
+    def values(self, uv: npt.ArrayLike) -> FloatArray:
+        """Return the thickness (n,) at (n, 2) places of the plane."""
 
 
 class Blade(ABC):
@@ -88,6 +98,11 @@ class Blade(ABC):
     def most_thickness(self) -> float:
         """The largest factor by which the blade makes heights longer."""
         return 1.0
+
+    @property
+    def rim(self) -> RimThickness | None:
+        """The thickness, where it falls towards the margin."""
+        return None
 
     def edge_thickness(self, reach: float) -> EdgeThickness | None:  # noqa: ARG002 - of those that taper
         """Return the thickness at a mesh's edge, which lies within `reach` of the outline; None where it is 1."""

@@ -6,6 +6,7 @@
 `tile_samples`      one tile's surface as samples
 `rim_strips`        the rim as strips
 `boxes`             a tree of boxes over the blade
+`cell_parts`        parts of cells beside a tapered rim
 `cells`             the cells of the blade, and their tree
 `around`            bounding balls of the leaf
 `distance`          signed distance and closest points

@@ -10,6 +10,7 @@ from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.distance.boxes import grow_tree
+from o3dleaf.leaf.distance.cell_parts import CellParts, divide_cells
 from o3dleaf.leaf.distance.rim_strips import rim_pieces
 from o3dleaf.leaf.distance.search_loops import BladeCells
 from o3dleaf.leaf.distance.solid import LeafSolid
@@ -54,13 +55,16 @@ class CellTree:
         # Neighbors in a row are neighbors on the leaf.
         order = morton_order(corners - corners.min(axis=0), 31)
         corners, at_rim, block = corners[order], at_rim[order], block[order]
-        centers, columns = _lifted_middles(leaf, tile, corners)
-        mask, bits, ends = _shown_samples(leaf, solid, tile, corners, at_rim, block)
+        parts = divide_cells(leaf, tile, corners)
+        corners, at_rim, block = corners[parts.cells], at_rim[parts.cells], block[parts.cells]
+        offsets = parts.offsets * tile.cell
+        centers, columns = _lifted_middles(leaf, tile, corners, offsets)
+        mask, bits, ends = _shown_samples(leaf, solid, tile, corners, at_rim, block, parts=parts)
         kept = (ends[0, :, 0] <= ends[1, :, 0]) & (np.abs(np.linalg.det(columns)) > MIN_VOLUME)
-        corners, ends = corners[kept], ends[:, kept]
+        corners, ends, offsets = corners[kept], ends[:, kept], offsets[kept]
 
         def hulls(start: int, stop: int) -> tuple[FloatArray, FloatArray]:
-            return _hulls(leaf, tile, corners[start:stop], ends[:, start:stop])
+            return _hulls(leaf, tile, corners[start:stop], ends[:, start:stop], offsets[start:stop])
 
         cells = BladeCells(block[kept], bits[kept], centers[kept], columns[kept])
         return cls(corners, cells, mask, grow_tree(len(corners), hulls))
@@ -99,42 +103,54 @@ def _middles(tile: TileSamples, corners: IntArray) -> FloatArray:
 
 
 def _lifted_middles(
-    leaf: TexturedBlade, tile: TileSamples, corners: IntArray
+    leaf: TexturedBlade, tile: TileSamples, corners: IntArray, offsets: FloatArray
 ) -> tuple[FloatArray, npt.NDArray[np.float32]]:
-    """Return the middle (n, 3) of each cell in the world, at height 0, and the lift's Jacobian there in float32."""
+    """Return each cell's middle (n, 3) in the world, at height 0, and the lift's Jacobian in float32.
+
+    Of a part of a cell, both are those that its own middle, an offset (n, 2) away, sees.
+    """
     centers, columns = np.empty((len(corners), 3)), np.empty((len(corners), 3, 3), dtype=np.float32)
 
     def task(start: int, stop: int) -> None:
-        middle = leaf.blade.lift_with_jacobian(_middles(tile, corners[start:stop]))
-        centers[start:stop], columns[start:stop] = middle.world, middle.columns
+        off = np.pad(offsets[start:stop], ((0, 0), (0, 1)))
+        middle = leaf.blade.lift_with_jacobian(_middles(tile, corners[start:stop]) + off)
+        centers[start:stop] = middle.world - np.einsum("ni,nik->nk", off, middle.columns)
+        columns[start:stop] = middle.columns
 
     run_blocks(task, len(corners), BLOCK)
     return centers, columns
 
 
 def _hulls(
-    leaf: TexturedBlade, tile: TileSamples, corners: IntArray, ends: FloatArray
+    leaf: TexturedBlade, tile: TileSamples, corners: IntArray, ends: FloatArray, offsets: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return points (n, 16, 3) whose hull contains each cell, and its Jacobian.
 
     They are the corners of its box as they are, and as its middle sees them: the surface bends between the two.
     """
-    base = _middles(tile, corners)
-    middle, points = leaf.blade.lift_with_jacobian(base), np.empty((len(base), 16, 3))
+    base, away = _middles(tile, corners), np.pad(offsets, ((0, 0), (0, 1)))
+    middle, points = leaf.blade.lift_with_jacobian(base + away), np.empty((len(base), 16, 3))
     for number in range(8):
         off = np.column_stack([ends[number >> k & 1, :, k] for k in range(3)]).astype(np.float64)
         points[:, number] = leaf.blade.lift(base + off)
-        points[:, 8 + number] = middle.world + np.einsum("ni,nik->nk", off, middle.columns)
+        points[:, 8 + number] = middle.world + np.einsum("ni,nik->nk", off - away, middle.columns)
     return points, middle.columns
 
 
 def _shown_samples(
-    leaf: TexturedBlade, solid: LeafSolid, tile: TileSamples, corners: IntArray, at_rim: BoolArray, block: IntArray
+    leaf: TexturedBlade,
+    solid: LeafSolid,
+    tile: TileSamples,
+    corners: IntArray,
+    at_rim: BoolArray,
+    block: IntArray,
+    *,
+    parts: CellParts,
 ) -> tuple[npt.NDArray[np.uint8], IntArray, FloatArray]:
     """Return which samples cells show, where that is not all, and of each cell its place there and its box.
 
-    At the rim it is those in the outline, over zones of hairs those of the hairs that stand there, or of what is
-    there without them.
+    At the rim it is those in the outline, of a part of a cell those over it, over zones of hairs those of the hairs
+    that stand there, or of what is there without them.
 
     Returns
     -------
@@ -148,10 +164,11 @@ def _shown_samples(
     firsts = tile.places[tile.bricks]
     hairs = leaf.hairs
     removed, held = hairs.states(*(corners // tile.count).T), tile.pieces_in_blocks(hairs.zones.count)[block]
-    rows = np.flatnonzero(at_rim | held.any(axis=1))
-    # A cell at the rim is like no other one.
+    alone = at_rim | ~parts.is_whole
+    rows = np.flatnonzero(alone | held.any(axis=1))
+    # A cell at the rim is like no other one, and no more is a part.
     alike = np.column_stack(
-        [np.where(at_rim[rows], rows, -1), block[rows], np.packbits(removed[rows, :-1] & held[rows], axis=1)]
+        [np.where(alone[rows], rows, -1), block[rows], np.packbits(removed[rows, :-1] & held[rows], axis=1)]
     )
     _, first, view = np.unique(alike, axis=0, return_index=True, return_inverse=True)
     views = rows[first]
@@ -168,6 +185,8 @@ def _shown_samples(
             samples = tile.samples[:, firsts[block[cell]] : firsts[block[cell] + 1]]
             seen = removed[cell, tile.pieces[bricks]] == tile.bare[bricks]
             shown = np.repeat(seen, np.diff(tile.places[bricks.start : bricks.stop + 1]))
+            if not parts.is_whole[cell]:
+                shown &= parts.contains(cell, samples[:2].T / tile.cell + 0.5)
             if at_rim[cell]:
                 shown &= solid.contains(samples[:2].T + (tile.origin + (corners[cell] + 0.5) * tile.cell))
             mask[starts[number] : starts[number] + sizes[number]] = np.packbits(shown, bitorder="little")

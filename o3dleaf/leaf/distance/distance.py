@@ -17,6 +17,8 @@ from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.leaf.blade.lifted import Lifted
 from o3dleaf.leaf.distance import projection_loops
 from o3dleaf.leaf.distance.cells import CellTree, morton_order
 from o3dleaf.leaf.distance.rim_strips import rim_strips
@@ -24,6 +26,7 @@ from o3dleaf.leaf.distance.search_loops import nearest_samples
 from o3dleaf.leaf.distance.solid import LeafSolid
 from o3dleaf.leaf.distance.strip_loops import Strips, nearest_strips
 from o3dleaf.leaf.distance.tile_samples import TileSamples
+from o3dleaf.leaf.margin.taper import Taper
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
 BATCH_SIZE = 1 << 15
@@ -38,6 +41,12 @@ MAX_STEP = 3.0
 """Longest of Newton's steps, of the sampling's: the nearest sample may be some steps away where many are as near."""
 MAX_ITERATIONS = 5
 """Newton's steps to the closest point; two are usual."""
+ACROSS = 1.5
+"""How far across a rim, in steps of the sampling, better starts than the samples are sought."""
+ROUNDS, PROBES = 2, 9
+"""So often, closer and closer together, and at so many places."""
+LEAST_DEPTH = 0.01
+"""Floor of a taper that depths are told by: they are within its square of the radius of it."""
 FAR = 1e4
 """Distance, in sizes of the leaf, from where it is seen as from infinity: points farther out are brought there."""
 
@@ -59,6 +68,8 @@ class SurfaceIndex:
         The tree over the strips.
     middle, reach : (3,) ndarray, float
         Of the leaf: its box's center, and the distance beyond which it is seen as from infinity.
+    section : RimSection or None
+        Across the rim, where that is tapered.
     """
 
     leaf: TexturedBlade
@@ -69,6 +80,7 @@ class SurfaceIndex:
     strip_boxes: npt.NDArray[np.float32]
     middle: FloatArray
     reach: float
+    section: "RimSection | None"
 
     @classmethod
     def build(cls, leaf: TexturedBlade, *, closed: bool = False) -> "SurfaceIndex":
@@ -79,7 +91,8 @@ class SurfaceIndex:
         cells = CellTree.build(leaf, solid, tile)
         low, high = cells.cells.centers.min(axis=0), cells.cells.centers.max(axis=0)
         middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
-        return cls(leaf, solid, tile, cells, strips, strip_boxes, middle, FAR * size)
+        section = RimSection.of(leaf, tile.step)
+        return cls(leaf, solid, tile, cells, strips, strip_boxes, middle, FAR * size, section)
 
     def closest_points(self, x: npt.ArrayLike) -> FloatArray:
         """Return the closest points (n, 3) of the leaf's surface to (n, 3) world points."""
@@ -112,13 +125,14 @@ class SurfaceIndex:
         feet, square = np.empty_like(near_points), np.full(len(near_points), np.inf)
         nearest_strips(near_points, self.strip_boxes, self.strips, feet, square)
         cell, sample = np.empty(len(near_points), dtype=np.int64), np.empty(len(near_points), dtype=np.int64)
-        # A face may be nearer than the rim where its nearest sample is not.
-        bound, tree = (np.sqrt(square) + step) ** 2, self.cells
+        # A face may be nearer than the rim where its nearest sample is not; a tapered one is steep between samples.
+        gap = step if self.section is None else step + float(np.abs(self.leaf.heights).max())
+        bound, tree = (np.sqrt(square) + gap) ** 2, self.cells
         nearest_samples(near_points, tree.boxes, tree.cells, self.tile.arrays, tree.mask, step, cell, sample, bound)
         rows = np.flatnonzero(sample >= 0)
         flat = self.tile.samples[:, sample[rows]].T.astype(np.float64)
         flat[:, :2] += self.tile.origin + (tree.corners[cell[rows]] + 0.5) * self.tile.cell
-        on_face = _refine(self.leaf, self.solid, near_points[rows], flat, step)
+        on_face = _refine(self.leaf, self.solid, near_points[rows], flat, step, self.section)
         nearer = np.sum((on_face - near_points[rows]) ** 2, axis=1) < square[rows]
         feet[rows[nearer]] = on_face[nearer]
         return feet, _lengths(points - feet)
@@ -145,7 +159,63 @@ class SurfaceIndex:
             _run_rows(task, order)
 
 
-def _refine(leaf: TexturedBlade, solid: LeafSolid, points: FloatArray, start: FloatArray, step: float) -> FloatArray:
+@dataclass(frozen=True, eq=False)
+class RimSection:
+    """A tapered rim across the margin, where samples are farther apart than it is round.
+
+    Attributes
+    ----------
+    near : Taper
+        The depth below the margin, as far as samples are apart beyond the rim.
+    radius, reach : float
+        Of the rim, and how far across it places are looked for.
+    """
+
+    near: Taper
+    radius: float
+    reach: float
+
+    @classmethod
+    def of(cls, leaf: TexturedBlade, step: float) -> "RimSection | None":
+        """Return that of a leaf whose samples are a step apart, if its rim is tapered."""
+        rim, reach = leaf.blade.rim, ACROSS * step
+        if rim is None:
+            return None
+        return cls(Taper(leaf.blade.outline.polygon, rim.radius + reach, LEAST_DEPTH), rim.radius, reach)
+
+    def starts(self, blade: Blade, points: FloatArray, samples: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return which samples (n, 3) lie near the rim, and the places (m, 3) across it that are nearest to points.
+
+        They are as high over the blade as their samples, and looked for at equal steps of a semicircle.
+        """
+        depths, *slopes = self.near.jet(samples[:, :2]).T
+        rows = np.flatnonzero(depths < 1)
+        inward = np.column_stack(slopes)[rows]
+        inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)
+        depth = self.near.radius * (1 - np.sqrt(1 - depths[rows] ** 2))
+        ends = [np.clip(depth + sign * self.reach, 0, self.radius) for sign in (-1, 1)]
+        low, high = (np.arccos(1 - end / self.radius) for end in ends)
+        best = samples[rows]
+        for _ in range(ROUNDS):
+            least, angle, spacing = np.full(len(rows), np.inf), low.copy(), (high - low) / (PROBES - 1)
+            for probe in range(PROBES):
+                flat, here = samples[rows], low + probe * spacing
+                flat[:, :2] += (self.radius * (1 - np.cos(here)) - depth)[:, np.newaxis] * inward
+                square = np.sum((blade.lift(flat) - points[rows]) ** 2, axis=1)
+                nearer = square < least
+                best[nearer], least[nearer], angle[nearer] = flat[nearer], square[nearer], here[nearer]
+            low, high = np.maximum(angle - spacing, low), np.minimum(angle + spacing, high)
+        return rows, best
+
+
+def _refine(
+    leaf: TexturedBlade,
+    solid: LeafSolid,
+    points: FloatArray,
+    start: FloatArray,
+    step: float,
+    section: RimSection | None,
+) -> FloatArray:
     """Return the points of the surface closest to `points`, by Newton's method from samples beside them.
 
     Where it leads out of the outline, away from the surface, or farther away than it began, as across a bend, it begins
@@ -158,7 +228,14 @@ def _refine(leaf: TexturedBlade, solid: LeafSolid, points: FloatArray, start: Fl
     if len(rows):
         _, feet[rows], found = _newton(leaf, solid, points[rows], leaf.blade.flatten(points[rows]), step)
         good[rows] = found & (np.sum((feet[rows] - points[rows]) ** 2, axis=1) <= square[rows])
-    return np.where(good[:, np.newaxis], feet, first)
+    feet = np.where(good[:, np.newaxis], feet, first)
+    if section is None:
+        return feet
+    rows, across = section.starts(leaf.blade, points, start)
+    _, others, found = _newton(leaf, solid, points[rows], across, step)
+    nearer = found & (np.sum((others - points[rows]) ** 2, axis=1) < np.sum((feet[rows] - points[rows]) ** 2, axis=1))
+    feet[rows[nearer]] = others[nearer]
+    return feet
 
 
 def _newton(
@@ -171,7 +248,12 @@ def _newton(
     flat, feet = start.copy(), np.empty_like(start)
     values, inner, hessians = leaf.jets(start, 2)
     here, active = leaf.blade.lift_with_jacobian(start), np.arange(len(start))
-    first = here.world
+    first, rim = here.world, leaf.blade.rim
+    # Beside a tapered rim the lift bends as much as the texture does.
+    rows = np.flatnonzero(rim.values(start[:, :2]) < 1) if rim is not None else np.empty(0, dtype=np.int64)
+    if len(rows):
+        normals = Lifted(here.world[rows], here.columns[rows]).pull_back(inner[rows])
+        hessians[rows] -= np.einsum("nabk,nk->nab", leaf.blade.lift_hessians(start[rows]), normals)
     for iteration in range(MAX_ITERATIONS):
         if iteration > 0:
             values, inner = leaf.values_and_gradients(flat[active])
@@ -185,6 +267,8 @@ def _newton(
         active = active[(iteration == 0) | (np.abs(steps).max(axis=1, initial=0.0) > TOLERANCE * step)]
         if not len(active):
             break
+    if len(rows):
+        feet[rows] = leaf.blade.lift(flat[rows])
     good = solid.contains(flat[:, :2])
     good[active] = False
     return first, feet, good

@@ -55,6 +55,8 @@ class MeasuredLeaf(TexturedBlade):
         The leaf is where G > 0 and (along, across) is in the outline: its surface is the two faces with their
         hairs, the rim, and the walls of the air pockets, which are outside. At every finite point it is finite; to
         the surface's samples it is a true minimum, and beside the nearest of them Newton's method finds the foot.
+        Beside a tapered rim, and most at its corners, samples are far apart, and it may be too large by up to their
+        spacing where Newton's method finds none.
 
         Parameters
         ----------

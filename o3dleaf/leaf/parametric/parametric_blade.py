@@ -94,12 +94,13 @@ class ParametricBlade(Blade):
     @cached_property
     def taper(self) -> Thickness | None:
         """The factor of heights, where it is not 1."""
-        if self.thickness is None or self._rim is None:
-            return self._rim or self.thickness
-        return ThicknessProduct(self._rim, self.thickness)
+        if self.thickness is None or self.rim is None:
+            return self.rim or self.thickness
+        return ThicknessProduct(self.rim, self.thickness)
 
     @cached_property
-    def _rim(self) -> Taper | None:
+    def rim(self) -> Taper | None:
+        """The factor that falls towards the margin, where there is one."""
         return None if self.rim_radius is None else Taper(self.outline.polygon, self.rim_radius)
 
     def edge_thickness(self, reach: float) -> EdgeThickness | None:
@@ -108,7 +109,7 @@ class ParametricBlade(Blade):
         τ rises so steeply there that the chords of a mesh, which lie inside the margin by a hundredth of their length,
         would have twice the thickness between their ends.
         """
-        taper, rim = self.taper, self._rim
+        taper, rim = self.taper, self.rim
         if taper is None or rim is None:
             return None
 

@@ -109,8 +109,9 @@ def seconds_of_stages() -> dict[str, float]:
 
 
 def warnings_of(summary: dict[str, Any]) -> list[str]:
-    """Return the warnings in a summary: about the blade, of the paper's under its frame, its fit, and its folds."""
-    parts = [summary.get("frame", summary), summary.get("fit", {}), summary.get("folds", {})]
+    """Return the warnings in a summary: about the blade, of the paper's under its frame, its fit, folds and rim."""
+    lowered = summary.get("surface", {}).get("lowered_at_the_rim", {})
+    parts = [summary.get("frame", summary), summary.get("fit", {}), summary.get("folds", {}), lowered]
     return [warning for part in parts for warning in part.get("warnings", [])]
 
 
@@ -163,6 +164,7 @@ def _surface_summary(surface: MeshPlan) -> dict[str, Any]:
         "voids_filled_in_a_tile": surface.voids,
         "specks_removed_from_a_tile": surface.islands,
         "scraps_at_the_rim": asdict(surface.fragments),
+        "lowered_at_the_rim": surface.lowered.to_dict(),
     }
 
 

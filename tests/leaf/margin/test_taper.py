@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapely
+from scipy.spatial import cKDTree
 
 from leaf_fields import leaf_of
 from leaf_fields import texture as texture_of
@@ -14,7 +15,7 @@ from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.io.labelled_mesh import RIM
 from o3dleaf.leaf.margin.taper import Taper
 from o3dleaf.leaf.meshing import MeshPlan
-from tolerances import RIM_DISTANCE, TAPER_ROUNDING, TAPER_SLOPE
+from tolerances import RIM_DISTANCE, RIM_FOOT, RIM_FOOT_99, TAPER_ROUNDING, TAPER_SLOPE
 
 HALF = 0.2037
 
@@ -164,13 +165,38 @@ def test_the_sides_of_a_region_are_embedded_and_as_thick_as_the_leaf(pointed):
         assert heights[away > 0.35].min() > HALF - 0.12
 
 
-def test_the_distance_beside_a_tapered_rim_is_the_way_to_it():
-    """Level with the rim, which is a tenth as high as the slab."""
+def slab_with(radius):
+    """A flat slab of a rectangle, tapered towards its margin."""
     slab = texture_of(lambda x, y, z: HALF**2 - z**2 + 0 * x * y)
     surface = leaf_of(slab)[0].blade.surface
     ring = np.array([[2.0, -2], [18, -2], [18, 2], [2, 2]])
-    leaf = MultiscaleLeaf(slab, blade=ParametricBlade(surface, Margin(ring, ring, spacing=0.25), rim_radius=0.3))
-    rng = np.random.default_rng(0)
+    return MultiscaleLeaf(slab, blade=ParametricBlade(surface, Margin(ring, ring, spacing=0.25), rim_radius=radius))
+
+
+def test_the_distance_beside_a_tapered_rim_is_the_way_to_it():
+    """Level with the rim, which is a tenth as high as the slab."""
+    leaf, rng = slab_with(0.3), np.random.default_rng(0)
     gap, height = rng.uniform(0.001, 0.05, 300), rng.uniform(-0.9, 0.9, 300) * 0.1 * HALF
     x = np.column_stack([rng.uniform(4, 16, 300), 2 + gap, height])
     assert np.abs(leaf.signed_distance(x, closed=True) - gap).max() <= RIM_DISTANCE
+
+
+@pytest.mark.parametrize("radius", [0.15, 0.3, 1.0])
+@pytest.mark.parametrize("closed", [False, True])
+def test_distances_around_a_tapered_rim_are_those_to_its_section(radius, closed):
+    """Brute force in the plane across a straight margin: the nearest of 600,000 points of the curve."""
+    leaf, rng, count = slab_with(radius), np.random.default_rng(0), 2000
+    depth = (radius + 0.5) * np.linspace(0, 1, 300_000) ** 2
+    height = HALF * leaf.blade.taper.values(np.column_stack([9 + 0 * depth, 2 - depth]))
+    wall = np.column_stack([np.full(2001, 2.0), np.linspace(-height[0], height[0], 2001)])
+    curve = np.column_stack([2 - depth, height])
+    tree = cKDTree(np.concatenate([curve, curve * [1, -1], wall]))
+    y, z = 2 + rng.uniform(-radius - 0.1, 0.15, count), rng.uniform(-0.35, 0.35, count)
+    points = np.column_stack([rng.uniform(6, 14, count), y, z])
+    expected, _ = tree.query(points[:, 1:])
+    inside = (y < 2) & (np.abs(z) < HALF * leaf.blade.taper.values(points[:, :2]))
+    found, step = leaf.signed_distance(points, closed=closed), leaf.index_of(closed=closed).tile.step
+    off = np.abs(np.abs(found) - expected) / step
+    assert off.max() < RIM_FOOT
+    assert np.quantile(off, 0.99) < RIM_FOOT_99
+    assert np.array_equal(found < 0, inside)
