@@ -29,9 +29,6 @@ BETWEEN = 0.15
 fill a slab evenly."""
 APART = 1.5
 """Spacings of both sides together that these are apart at least; nearer ones are noise of one sheet."""
-MIXED = 0.5
-"""Share of the sides' variance that a quadric of the place may explain: of points on two sides it is a sixth, by
-chance; a step from one level to the next is explained by where it is."""
 LESSER = 0.075
 """Share of the points on the lesser side at least, three of forty: fewer are stragglers."""
 MOST = 0.5
@@ -110,9 +107,9 @@ def find_both_sides(points: FloatArray) -> BothSides | None:
 
     .. math:: h ≈ q(x, y) + d s,  s ∈ {0, 1},
 
-    each point given to the nearer one in turn. Where they leave much less than one quadric does, and both sides lie
-    all over the place, they are the sides of a leaf of thickness d, and points move by ± d/2 along the normal. A scan
-    of which one open sheet goes through both, as of a leaf folded in two, is none.
+    each point given to the nearer one in turn. Where they leave much less than one quadric does they are the sides of a
+    leaf of thickness d, and points move by ± d/2 along the normal. A scan of which one open sheet goes through both, as
+    of a leaf folded in two, is none.
     """
     if len(points) < 2 * SEEN:
         return None
@@ -156,9 +153,7 @@ def _fit_some(points: FloatArray, tree: cKDTree, rows: IntArray, count: int) -> 
         over = rest + both[..., 6] * coefficients[:, 6:]
         upper = np.abs(over) > np.abs(over - coefficients[:, 6:])
     sides = upper.astype(np.float64)
-    spread = ((sides - sides.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
     told = (rest**2).sum(axis=1) <= BETWEEN * (left**2).sum(axis=1)
-    told &= (_residuals(one, sides)[1] ** 2).sum(axis=1) >= (1 - MIXED) * spread
     told &= np.minimum(sides.mean(axis=1), 1 - sides.mean(axis=1)) >= LESSER
     told &= np.abs(coefficients[:, 6]) >= APART * radius * np.sqrt(np.pi / SEEN)
     return _Places(points[rows], axes, radius, coefficients, told)

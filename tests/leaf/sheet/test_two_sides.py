@@ -38,6 +38,12 @@ def test_a_single_layer_has_no_sides_whatever_its_noise(leaf, noise):
     assert find_both_sides(o3l.samples.scan_leaf(leaf, seed=0, spacing=SPACING, noise=noise).points) is None
 
 
+def test_stragglers_beside_a_layer_are_no_other_side(leaf):
+    scan = o3l.samples.scan_leaf(leaf, seed=0, spacing=SPACING)
+    off = np.where(np.random.default_rng(2).random(len(scan.places)) < 0.03, 3 * SPACING, 0.0)
+    assert find_both_sides(scan.points + off[:, np.newaxis] * leaf.normals(scan.places)) is None
+
+
 @pytest.mark.parametrize("step", [0.3, 1.0, 2.0])
 def test_depths_that_are_rounded_are_no_sides(leaf, step):
     """Levels lie beside one another, where sides lie over one another."""
