@@ -52,7 +52,7 @@ def blade_between(leaf, thickness, noise, share):
     mesh = blade.extract_mesh(SPACING / 2)
     vertices = np.asarray(mesh.vertices)
     off = np.linalg.norm(vertices - leaf.closest(vertices)[0], axis=1) / SPACING
-    told = [note for note in blade.notes if "sides of a leaf" in note]
+    told = [note for note in blade.notes if "sides of a leaf" in note or "both sides" in note]
     return f"{mesh.get_surface_area() / leaf.area - 1:+.1%}", f"{np.median(off):.2f}", "yes" if told else "no"
 
 

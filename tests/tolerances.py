@@ -1177,6 +1177,13 @@ MIDDLE_OF_SIDES = 0.25
 """Spacings, on the mean, between a surface through both sides of a leaf 2.4 spacings thick and its middle."""
 AREA_OF_SIDES = 0.02
 """Of the area of such a leaf; a surface that jumped from one side to the other had 0.1 more."""
+DISTANCE_OF_SIDES = 0.05
+"""Of how far apart the sides of a leaf are that is curved with a radius of ten to thirty times that."""
+MOVED_TO_MIDDLE = 0.5
+"""Spacings between a point moved to the middle of two sides and its own place there; one that stays is off by half the
+thickness, one to two and a half spacings."""
+SHARE_MOVED = 0.9
+"""Of points that are so near: those beside the margin, where quadrics lean, are not all."""
 SPARSE_PART = 0.04
 """Of the area of a disc where points are 2.5 times as far apart as around it: 0.01; where its points do not see their
 nearest neighbors 0.4 is missing, where planes are as narrow as around 0.07."""

@@ -31,6 +31,7 @@ from o3dleaf.leaf.residuals.noise import local_noise
 from o3dleaf.leaf.sheet.holes import split_bow_ties
 from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
+from o3dleaf.leaf.sheet.two_sides import find_both_sides
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 
 MAX_RESIDUAL = 10.0
@@ -79,6 +80,7 @@ def build_parametric_blade(
     with journal.stage("find sheet"):
         scan, points = points, _piece_of(points, options)
         points, petiole = _part_petiole(points, options)
+        points, sides = _between_sides(points, options)
         sheet = find_sheet(points, one_sheet=options.one_sheet)
     # Laid flat with little stretch and turned, base at u = 0 and the midrib along v = 0.
     with journal.stage("lay flat"), _pieces_named(scan, sheet, options):
@@ -103,7 +105,17 @@ def build_parametric_blade(
             fit, mirrored = _complete(seen, halves, options.complete_margin)
             margin = margin if fit is seen else _margin(fit, sheet.spacing, options.fill_holes, unit)
         margin, ends = end_before_contacts(fit.surface, margin, fit.problem.spacing)
-    notes = (*sheet.notes, *leftovers, *petiole.notes, *chart.notes, *fit.notes, *margin.notes, *mirrored, *ends)
+    notes = (
+        *sides,
+        *sheet.notes,
+        *leftovers,
+        *petiole.notes,
+        *chart.notes,
+        *fit.notes,
+        *margin.notes,
+        *mirrored,
+        *ends,
+    )
     for note in notes:
         journal.note(note)
     # The chart once more, of the surface itself and up to its margin.
@@ -162,6 +174,12 @@ def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray
     if options.keep_petiole:
         return points, _Parted(end, None, (f"{petiole}: kept as part of the blade",))
     return points[blade], _Parted(end, junction, (f"{petiole}: cut off",), petiole)
+
+
+def _between_sides(points: FloatArray, options: BladeOptions) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return the points, moved to the middle where they lie on both sides of a thin leaf, and a line if they do."""
+    both = find_both_sides(points) if options.one_sheet else None
+    return (points, ()) if both is None else (both.points, (both.tell(),))
 
 
 def _lay_flat(

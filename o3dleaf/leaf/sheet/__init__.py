@@ -7,6 +7,7 @@
 `holes`          small holes closed, flaps of other sheets cut off
 `open_sheets`    a cloud, averaged over given widths, as open sheets
 `widths`         how wide a cloud must be averaged to be one sheet
+`two_sides`      both sides of a thin leaf, moved to the middle between them
 `parting`        layers told apart where they lie closer than points
 `pieces`         what a sheet leaves out, and where it is cut: layers, leaves that touch, slits
 `sheet`          `find_sheet`: all of it together

@@ -77,7 +77,20 @@ def test_the_two_sides_of_a_leaf_thicker_than_its_points_are_apart_are_one_surfa
     middle = leaf(np.asarray(mesh.vertices))
     assert np.mean(leaf.half_thickness - middle) < tol.MIDDLE_OF_SIDES * scan.spacing
     assert mesh.get_surface_area() == pytest.approx(leaf.area, rel=tol.AREA_OF_SIDES)
-    assert any("both sides of a leaf" in note for note in blade.notes)
+    assert any("both sides of the leaf" in note for note in blade.notes)
+
+
+@pytest.mark.parametrize(("thickness", "share"), [(3.0, 0.5), (4.0, 0.5), (3.0, 0.25)])
+def test_the_area_of_both_sides_is_that_of_one_where_neighbors_lie_on_either(thickness, share):
+    """From two to five spacings apart half of a point's neighbors lie on its own side, and planes run from one to the
+    other."""
+    leaf = o3l.samples.leaf_shape("cupped", length=40, width=30)
+    scan = o3l.samples.scan_leaf(leaf, seed=0, spacing=0.7, noise=0.1)
+    side = np.where(np.random.default_rng(1).random(len(scan.places)) < share, 0.35, -0.35)
+    points = scan.points + (thickness * side)[:, np.newaxis] * leaf.normals(scan.places)
+    blade = o3l.create_blade(points, unit="mm")
+    assert blade.extract_mesh(0.35).get_surface_area() == pytest.approx(leaf.area, rel=tol.AREA_OF_SIDES)
+    assert any("both sides of the leaf" in note for note in blade.notes)
 
 
 def test_what_steps_from_a_leaf_to_the_ground_is_refused_with_its_place(monkeypatch):

@@ -29,7 +29,9 @@ def test_of_two_layers_closer_than_the_points_the_larger_is_the_sheet_and_the_ot
     assert (np.abs(np.linalg.norm(sheet.vertices[:, [0, 2]], axis=1) - 40.0) < 1e-9).all()
     assert sheet.scale == 0
     told = [note for note in sheet.leftovers.tell() if f"another layer, {len(other):,} points" in note]
-    assert f"{height:.3g} off the sheet" in told[0]
+    assert f"{height:.3g} off the sheet; `piece` takes it instead" in told[0]
+    taken = find_sheet(np.concatenate([leaf, other]), piece=2)
+    assert np.array_equal(taken.rows, np.arange(len(leaf), len(leaf) + len(other)))
     assert not any("meet" in note for note in sheet.leftovers.tell())
 
 

@@ -154,7 +154,8 @@ class Leftovers:
         for rows, close, far, branch in list(zip(self.groups, near, self.distance, self.branch, strict=True))[:SHOWN]:
             kind = "another layer" if close else "another piece"
             how = f", {tell_length(far)} off the sheet" if close else f", {tell_length(far)} away"
-            notes.append(f"left out: {kind}, {self._name(rows)}{how}")
+            taken = "; `piece` takes it instead" if close and len(rows) >= FEWEST else ""
+            notes.append(f"left out: {kind}, {self._name(rows)}{how}{taken}")
             if branch is not None:
                 notes.append(f"3 sheets meet at {tell_place(branch, self.scan)}")
         others = self.groups[SHOWN:]

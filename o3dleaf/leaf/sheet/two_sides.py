@@ -1,0 +1,221 @@
+"""Both sides of a leaf that is a few point distances thick, moved to the middle between them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.even_sample import even_rows
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.parallel import blocks
+from o3dleaf.core.places import tell_middle
+from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_length
+from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
+from o3dleaf.leaf.sheet.widths import PARALLEL, STEEP
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.cloud.surfels import thinned
+from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
+
+NEAREST = 64, 256, 1024
+"""Points around a place that its tangent plane is found from: of two sides they reach both where these are up to 4, 8
+and 17 spacings apart."""
+SEEN = 40
+"""Those of them that are nearest seen along the normal: six times as many as a quadric has coefficients."""
+BETWEEN = 0.15
+"""Residual variance about two parallel quadrics over that about one, up to which points lie on two sides: it is
+σ²/(σ² + d²/4) of sides d apart under noise σ, and of a single layer 1 - 2/π = 0.36 of normal noise, 0.25 of points that
+fill a slab evenly."""
+APART = 1.5
+"""Spacings of both sides together that these are apart at least; nearer ones are noise of one sheet."""
+LESSER = 0.075
+"""Share of the points on the lesser side at least, three of forty: fewer are stragglers."""
+MOST = 0.5
+"""Share of the places that have two sides from which on the scan is one of both sides."""
+NEARLY = 0.9
+"""Share of the most places told, from which on fewer points around them do: the leaf bends less there."""
+TRIED = 400
+"""Places at which sides are sought first."""
+MAX_PLACES = 5_000
+"""Places at which the middle is found, from which points have their own."""
+AGREEING = 7
+"""Places of whose middles a point is moved to the median: beside a margin quadrics of single places lean."""
+ROUNDS = 6
+"""Times that points are given to the nearer of two quadrics, which are fitted anew."""
+OPPOSITE = 0.5
+"""Share of an open sheet over which it lies twice, and faces away from itself, from which on it goes round a fold: 0.8
+and more of a leaf folded in two, and none of two sides, of whose layers it holds one or both as they are."""
+REACH = 1.5
+"""Times the distance of the sides within which the sheet is seen to lie twice."""
+MAX_SHEET_POINTS = 20_000
+BATCH_SIZE = 512
+
+
+class BothSides(NamedTuple):
+    """A scan of both sides of a leaf: its points (n, 3) moved to the middle, how far apart the sides are, their share.
+
+    The share is that of the places at which both sides are seen.
+    """
+
+    points: FloatArray
+    apart: float
+    share: float
+
+    def tell(self) -> str:
+        """Return a line on what was found and done."""
+        return (
+            f"both sides of the leaf, {tell_length(self.apart)} apart on {100 * self.share:.3g} % of the scan, around "
+            f"{tell_middle(self.points, self.points)}: the blade runs midway between them"
+        )
+
+
+class _Places(NamedTuple):
+    """Two parallel quadrics at places of a cloud.
+
+    Origins (m, 3); axes (m, 3, 3), in columns the normal and two tangents; radii (m,); coefficients (m, 7) over 1, x,
+    y, x², xy, y² of tangential coordinates in radii, and the height of the upper one over the lower; which are `told`
+    (m,) as two sides.
+    """
+
+    origin: FloatArray
+    axes: FloatArray
+    radius: FloatArray
+    coefficients: FloatArray
+    told: BoolArray
+
+    @property
+    def apart(self) -> FloatArray:
+        """Distances (m,) of the sides."""
+        return np.abs(self.coefficients[:, 6])
+
+    @property
+    def spacing(self) -> FloatArray:
+        """Spacings (m,) of the points of both sides together, seen along the normal."""
+        return np.asarray(self.radius * np.sqrt(np.pi / SEEN))
+
+    def only(self, chosen: BoolArray) -> "_Places":
+        """Return some (m,) of the places."""
+        kept = (self.origin[chosen], self.axes[chosen], self.radius[chosen], self.coefficients[chosen])
+        return _Places(*kept, self.told[chosen])
+
+
+def find_both_sides(points: FloatArray) -> BothSides | None:
+    """Return the points of a scan (n, 3) of both sides of a thin leaf, moved to the middle; None of any other scan.
+
+    Heights h of points around a place, seen along the normal, are fitted by two parallel quadrics,
+
+    .. math:: h ≈ q(x, y) + d s,  s ∈ {0, 1},
+
+    each point given to the nearer one in turn. Where they leave much less than one quadric does they are the sides of a
+    leaf of thickness d, and points move by ± d/2 along the normal. A scan of which one open sheet goes through both, as
+    of a leaf folded in two, is none.
+    """
+    if len(points) < 2 * SEEN:
+        return None
+    tree, rows = cKDTree(points), even_rows(len(points), TRIED)
+    tried = [_fit_places(points, tree, rows, min(count, len(points))) for count in NEAREST]
+    shares = np.array([np.mean(places.told) for places in tried])
+    if shares.max() < MOST:
+        return None
+    best = int(np.argmax(shares >= NEARLY * shares.max()))
+    if _is_folded(points, float(np.median(tried[best].apart[tried[best].told]))):
+        return None
+    rows = even_rows(len(points), MAX_PLACES)
+    places = _fit_places(points, tree, rows, min(NEAREST[best], len(points)))
+    told = places.only(places.told)
+    return BothSides(_moved(points, told), float(np.median(told.apart)), float(shares[best]))
+
+
+def _fit_places(points: FloatArray, tree: cKDTree, rows: IntArray, count: int) -> _Places:
+    """Return two quadrics at each of some points, by the `count` nearest."""
+    parts = [_fit_some(points, tree, rows[i:j], count) for i, j in blocks(len(rows), BATCH_SIZE)]
+    origin, axes, radius, coefficients = (np.concatenate([part[i] for part in parts]) for i in range(4))
+    return _Places(origin, axes, radius, coefficients, np.concatenate([part.told for part in parts]))
+
+
+def _fit_some(points: FloatArray, tree: cKDTree, rows: IntArray, count: int) -> _Places:
+    near = points[query(tree, points[rows], k=count)[1]]
+    centered = near - near.mean(axis=1, keepdims=True)
+    axes = np.linalg.eigh(np.einsum("mki,mkj->mij", centered, centered))[1]
+    local = np.einsum("mki,mij->mkj", near - points[rows][:, np.newaxis], axes)
+    beside = (local[..., 1:] ** 2).sum(axis=2)
+    seen = np.argsort(beside, axis=1, kind="stable")[:, :SEEN]
+    local = np.take_along_axis(local, seen[..., np.newaxis], axis=1)
+    radius = np.sqrt(np.take_along_axis(beside, seen[:, -1:], axis=1)[:, 0])
+    radius = np.where(radius > 0, radius, 1.0)
+    one, height = _quadric(local[..., 1:] / radius[:, np.newaxis, np.newaxis]), local[..., 0]
+    left = _residuals(one, height)[1]
+    upper = left > _split(left)[:, np.newaxis]
+    for _ in range(ROUNDS):
+        both = np.concatenate([one, upper[..., np.newaxis].astype(np.float64)], axis=2)
+        coefficients, rest = _residuals(both, height)
+        over = rest + both[..., 6] * coefficients[:, 6:]
+        upper = np.abs(over) > np.abs(over - coefficients[:, 6:])
+    sides = upper.astype(np.float64)
+    told = (rest**2).sum(axis=1) <= BETWEEN * (left**2).sum(axis=1)
+    told &= np.minimum(sides.mean(axis=1), 1 - sides.mean(axis=1)) >= LESSER
+    told &= np.abs(coefficients[:, 6]) >= APART * radius * np.sqrt(np.pi / SEEN)
+    return _Places(points[rows], axes, radius, coefficients, told)
+
+
+def _quadric(place: FloatArray) -> FloatArray:
+    """Return the monomials (..., 6) of places (..., 2)."""
+    x, y = place[..., 0], place[..., 1]
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+
+
+def _residuals(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the coefficients (m, c) and residuals (m, k) of least squares, of columns (m, k, c) and values (m, k)."""
+    normal = np.einsum("mki,mkj->mij", columns, columns)
+    right = np.einsum("mki,mk->mi", columns, values)
+    coefficients = np.einsum("mij,mj->mi", np.linalg.pinv(normal, hermitian=True), right)
+    return coefficients, values - np.einsum("mki,mi->mk", columns, coefficients)
+
+
+def _split(values: FloatArray) -> FloatArray:
+    """Return the value (m,) up to which one of two groups of each row (m, k) reaches, their variances the least."""
+    rising = np.sort(values, axis=1)
+    below = np.arange(1, values.shape[1])
+    above = values.shape[1] - below
+    sums = np.cumsum(rising, axis=1)[:, :-1]
+    difference = sums / below - (rising.sum(axis=1, keepdims=True) - sums) / above
+    last = np.argmax(difference**2 * below * above, axis=1)
+    return np.asarray(rising[np.arange(len(values)), last])
+
+
+def _is_folded(points: FloatArray, apart: float) -> bool:
+    """Return whether one open sheet goes round through both sides, so far apart; round all of a margin it is closed."""
+    cloud = OrientedCloud.of(points[thinned(len(points), -(-len(points) // MAX_SHEET_POINTS))])
+    sheets = OpenSheets.of(cloud.points, np.zeros(len(cloud)), cloud.spacing)
+    if sheets.is_closed:
+        return False
+    vertices, triangles = sheets.sheet()
+    layers = nearest_layers(vertices, vertex_normals(vertices, triangles), REACH * apart, STEEP)
+    away = np.isfinite(layers.distance) & (layers.facing <= -PARALLEL)
+    return bool(np.mean(away.any(axis=1)) > OPPOSITE)
+
+
+def _moved(points: FloatArray, places: _Places) -> FloatArray:
+    """Return points (n, 3) moved to the middle of the sides: the median of where the nearest places have it."""
+    count = min(AGREEING, len(places.radius))
+    distance, nearest = query(cKDTree(places.origin), points, k=[*range(1, count + 1)])
+    moves = np.stack([_move(points, places, column) for column in nearest.T], axis=1)
+    far = distance[:, 0] > 2 * places.radius[nearest[:, 0]]
+    return np.asarray(np.where(far[:, np.newaxis], points, points + np.median(moves, axis=1)))
+
+
+def _move(points: FloatArray, places: _Places, row: IntArray) -> FloatArray:
+    """Return by how much points (n, 3) lie off the middle of the sides at one place (n,) each."""
+    axes, coefficients, radius = places.axes[row], places.coefficients[row], places.radius[row]
+    local = np.einsum("ni,nij->nj", points - places.origin[row], axes)
+    x, y = local[:, 1:].T / radius
+    over = local[:, 0] - np.einsum("ni,ni->n", _quadric(np.column_stack([x, y])), coefficients[:, :6])
+    _, first, second, xx, xy, yy = coefficients[:, :6].T
+    slope = np.column_stack([first + 2 * xx * x + xy * y, second + xy * x + 2 * yy * y]) / radius[:, np.newaxis]
+    upright = np.column_stack([np.ones(len(points)), -slope])
+    apart = coefficients[:, 6]
+    side = np.where(np.abs(over) > np.abs(over - apart), 0.5, -0.5)
+    # Heights are upright in the frame of the place; along the quadric's normal sides are nearer by its cosine.
+    step = -side * apart / (upright**2).sum(axis=1)
+    return np.asarray(np.einsum("nij,nj->ni", axes, upright) * step[:, np.newaxis])
