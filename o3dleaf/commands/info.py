@@ -47,12 +47,15 @@ class InfoJob(UnitOption, Job):
     @property
     def volume_file(self) -> bool:
         """Whether FILE is a volume."""
+        from o3dleaf.io.clouds import npy
         from o3dleaf.leaf.ct.formats import points
         from o3dleaf.leaf.ct.formats.read import SUFFIXES
 
         name = self.file.name.lower()
         if name.endswith(points.SUFFIXES):  # more often points or a mesh
             return points.holds_voxels(self.file)
+        if name.endswith(npy.SUFFIXES):
+            return not npy.holds_points(self.file)
         return is_folder(self.file) or name.endswith(SUFFIXES)
 
     def check(self) -> None:

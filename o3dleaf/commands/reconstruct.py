@@ -35,7 +35,9 @@ CLOSED: "dict[str, Closed]" = {"auto": "auto", "yes": True, "no": False}
 class ReconstructJob(UnitOption, ColumnsOption, ResumeOption, LongJob):
     """Reconstruct a surface from any point cloud: open where the data are open, closed where they are closed."""
 
-    cloud: Path = argument("Any point cloud, with normals or without: PLY, XYZ, TXT, CSV, LAS, E57, ...", reads=True)
+    cloud: Path = argument(
+        "Any point cloud, with normals or without: PLY, XYZ, TXT, CSV, LAS, E57, NPY, ...", reads=True
+    )
     output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
     spacing: Positive | None = option(
         None, "Mesh spacing (chosen from the points if not given)", unit="the cloud's unit"
