@@ -1,6 +1,5 @@
 """The whole job, step by step, in the paper's words."""
 
-import warnings
 from collections.abc import Callable
 from functools import partial
 
@@ -130,7 +129,7 @@ def _build_texture(volume: Volume, options: TextureOptions) -> TiledField | Wang
         cut = find_cut_hairs(volume, level)
         if cut.count:
             text = f"volume: {cut}, and end abruptly in every tile"
-            journal.note(text) if journal.open_journal() else warnings.warn(text, DataWarning, stacklevel=4)
+            journal.tell(text, DataWarning)
 
     options.check_tiles()
 

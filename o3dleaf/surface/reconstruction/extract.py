@@ -78,9 +78,7 @@ class NearSurface:
         data = OrientedCloud.of(cloud)
         noisy = spacing is None and data.is_measurable and not data.is_clean
         if spacing is None:
-            noise = data.noise / data.spacing if noisy and not _is_thin(data) else 0.0
-            dense = mesh_step(float(np.median(data.point_spacing)), len(data), noise)
-            spacing = max(dense, least_step(data.point_spacing, noise))
+            spacing, dense = chosen_step(data)
             if spacing > dense:
                 asked = f"{tell_length(spacing)}, as most of the area asks, not {tell_length(dense)}, as most points do"
                 journal.note(f"density differs much: the mesh step is {asked}; spacing sets another")
@@ -130,6 +128,14 @@ def exact_field(field: Any) -> PUInterpolant:
     asked: Any = field.field if isinstance(field, RememberedField) else field
     exact: PUInterpolant = asked.exact if isinstance(asked, SingleBlend) else asked
     return exact
+
+
+def chosen_step(data: OrientedCloud) -> tuple[float, float]:
+    """Return the step of the mesh of a cloud where none is given, and the one that most of its points ask for."""
+    noisy = data.is_measurable and not data.is_clean and not _is_thin(data)
+    noise = data.noise / data.spacing if noisy else 0.0
+    dense = mesh_step(float(np.median(data.point_spacing)), len(data), noise)
+    return max(dense, least_step(data.point_spacing, noise)), dense
 
 
 def mesh_step(spacing: float, count: int, noise: float = 0.0) -> float:
