@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from o3dleaf.commands.patch import MODEL, resumed
 from o3dleaf.core import journal
 from o3dleaf.core.arguments.kinds import Positive, SmoothingValue
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.jobs.job import LongJob
 from o3dleaf.core.jobs.option import argument, option, output
 from o3dleaf.core.jobs.shared import ColumnsOption, ResumeOption, UnitOption
@@ -25,6 +26,10 @@ LABELS = {
     "residual": "distance of the data from the surface",
 }
 """Label of the color bar of each measure."""
+
+
+SCENE = ".glb"
+"""Suffix of what `o3dleaf export` makes of a mesh whose unit is known."""
 
 
 CLOSED: "dict[str, Closed]" = {"auto": "auto", "yes": True, "no": False}
@@ -71,9 +76,12 @@ class ReconstructJob(UnitOption, ColumnsOption, ResumeOption, LongJob):
     )
 
     def check(self) -> None:
-        """Refuse an unknown unit, and a viewpoint that is no place."""
+        """Refuse a scene for a mesh, an unknown unit, and a viewpoint that is no place."""
         from o3dleaf.core.checks.attributes import as_viewpoint
 
+        if self.output.suffix.lower() == SCENE:
+            made = f"o3dleaf export {self.output.with_suffix('.ply')} --for web --unit UNIT -o {self.output}"
+            raise InputError(f"{self.output}: is a scene in meters; write a .ply, and make one of it by `{made}`")
         super().check()
         if self.viewpoint is not None:
             as_viewpoint(self.viewpoint, 1)

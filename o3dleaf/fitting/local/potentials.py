@@ -87,8 +87,8 @@ class CurlFree:
     The field Σ −∇∇ᵀφ(x − x_j) c_j + ∇p meets −n_j (or smooths it); its potential, whose heights at the points should
     be one constant, loses that and, where `exact`, a spline of values through the rest (Drake, Fuselier and Wright
     2022, "Implicit surface reconstruction with a curl-free radial basis function partition of unity method"). Values
-    at the points are then zero to rounding, gradients −n but for what the spline adds; `Hermite` needs no such step. Normals that are
-    off put the surface off as there.
+    at the points are then zero to rounding, gradients −n but for what the spline adds; `Hermite` needs no such step.
+    Normals that are off put the surface off as there.
 
     Attributes
     ----------
