@@ -1217,3 +1217,13 @@ AREA_OF_STRIPS = 0.25
 BAY_COVERED = 0.1
 """Of the area of a bay between a dense and a sparse part: 0.01 to 0.05 in the mean of four samples, for its border is
 ragged; 0.13 to 0.58 where bays are judged by the sparser part's spacing."""
+
+MESH_NEED = 0.15
+"""Of the triangles that are foretold of a square: spacings are of twelve neighbors, fewer at its rim; of a cloud with a
+tenth of its points on most of the area, a hundredth where the area is that of the median spacing."""
+
+TURNED_NORMALS = 0.02
+"""Of an error that is proportional to the angle by which normals are off: 0.003, and so is what spacing leaves."""
+
+REFINED_NORMALS = 0.1
+"""Of the error by normals of planes through 30 points, that by the slopes of a fit of values: 0.03 to 0.04."""

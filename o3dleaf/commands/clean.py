@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from o3dleaf.core import journal
 from o3dleaf.core.arguments.kinds import Count, NotNegative, Positive, Whole
 from o3dleaf.core.jobs.job import LongJob
 from o3dleaf.core.jobs.option import argument, option, output
@@ -31,6 +32,8 @@ FIGURES = (
 """Of `MeshReport`: what a table of before and after shows."""
 
 UNIT = "the mesh's unit"
+MIN_PER_RIM_EDGE = 3
+"""Triangles for each edge of the rim, which stays as it is: fewer join it, across its bends, to few vertices inside."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +106,10 @@ class CleanJob(CleaningOptions, LongJob):
             write_mesh(result.mesh, self.output)
         else:
             export_mesh(result, self.output)
-        return Comparison(reports, distance)
+        comparison = Comparison(reports, distance)
+        for warning in comparison.warnings:
+            journal.note(warning)
+        return comparison
 
     def lines(self, summary: "Comparison") -> list[str]:
         """Return the table of before and after; nothing if quiet."""
@@ -124,6 +130,20 @@ class Comparison:
 
     reports: "list[MeshReport]"
     distance: float | None = None
+
+    @property
+    def warnings(self) -> list[str]:
+        """One line if simplifying made triangles that cross others, else none."""
+        before, after = self.reports[-2:]
+        if len(self.reports) < 3 or after.self_intersections <= before.self_intersections:
+            return []
+        rim = after.boundary_edges
+        why = "sheets lie closer together than its triangles are long; leave more, or clean it again with --untangle"
+        if after.triangles < MIN_PER_RIM_EDGE * rim:
+            most = f"leave {MIN_PER_RIM_EDGE * rim:,} or more"
+            why = f"the {rim:,} edges of its rim stay as they are, too many for so few triangles to join; {most}"
+        crossing = f"{after.self_intersections:,} of its {after.triangles:,} triangles cross others"
+        return [f"the simplified mesh crosses itself: {crossing}, {before.self_intersections:,} did before; {why}"]
 
     def table(self) -> list[str]:
         """Return lines that compare the reports, and the distance."""

@@ -15,7 +15,7 @@ from o3dleaf.commands.figures import FiguresJob
 from o3dleaf.commands.info import InfoJob
 from o3dleaf.commands.leaf.job import LeafJob
 from o3dleaf.commands.line.terminal import show_progress
-from o3dleaf.commands.line.words import command_of
+from o3dleaf.commands.line.words import HELP, command_of
 from o3dleaf.commands.patch import PatchJob
 from o3dleaf.commands.qa import QaJob
 from o3dleaf.commands.reconstruct import ReconstructJob
@@ -106,6 +106,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    context_settings=HELP,
 )
 for _name, _job in JOBS.items():
     add_command(app, _name, _job)

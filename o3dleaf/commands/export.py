@@ -208,6 +208,8 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
     def surface(self, model: Any) -> "LabelledMesh":
         """Return the surface of a model, or one period of it."""
         from o3dleaf.core.checks.scalars import require_positive
+        from o3dleaf.fitting.pu.interpolant import PUInterpolant
+        from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
         from o3dleaf.leaf.meshing import extract_flat_tile
         from o3dleaf.leaf.multiscale import MultiscaleLeaf
         from o3dleaf.leaf.texture.patches import PatchBlend
@@ -221,6 +223,12 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
                     "remesh: opposite walls of a tile must match; leave it out, or give the model of a leaf"
                 )
             return extract_flat_tile(model, 1.0, spacing)
+        if isinstance(model, PUInterpolant | RBFInterpolant):
+            raise InputError(
+                f"{self.source}: is a field without the points that say where its surface ends; export the mesh that "
+                f"`o3dleaf reconstruct` wrote with it, or make one by o3l.extract_isosurface(o3l.load("
+                f"{str(self.source)!r}), {spacing:g}, seeds=points, within=o3l.distance_mask(points))"
+            )
         if not isinstance(model, MultiscaleLeaf):
             raise InputError(
                 f"{self.source}: contains a {type(model).__name__}, which has no surface; give the model of a leaf"

@@ -4,13 +4,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from o3dleaf.commands.patch import CROP_HELP, LAYOUT_HELP, parse_box, require_box
+from o3dleaf.commands.patch import CROP_HELP, LAYOUT_HELP, MODEL, parse_box, require_box
 from o3dleaf.core.arguments.kinds import Finite, Positive
 from o3dleaf.core.atomic_files import write_json
 from o3dleaf.core.checks.files import is_folder
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.core.jobs.job import Job
-from o3dleaf.core.jobs.option import argument, option
+from o3dleaf.core.jobs.option import argument, option, table
 from o3dleaf.core.jobs.shared import UnitOption
 from o3dleaf.core.jobs.words import number_or_word
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class InfoJob(UnitOption, Job):
     """Show what a file contains: sizes, extent, and for a mesh whether it is manifold and closed."""
 
-    file: Path = argument("A mesh, a point cloud or a volume.", reads=True)
+    file: Path = argument("A mesh, a point cloud, a volume or a model (.o3l).", reads=True)
     voxel_spacing: Positive | None = option(
         None, "Edge of a voxel (needed if the file does not state it)", unit="unit", needs=("volume_file",)
     )
@@ -45,14 +45,22 @@ class InfoJob(UnitOption, Job):
     json: Path | None = option(None, "Also write it as JSON.", writes=())
 
     @property
+    def model_file(self) -> bool:
+        """Whether FILE is a model."""
+        return self.file.suffix.lower() in table(MODEL)
+
+    @property
     def volume_file(self) -> bool:
         """Whether FILE is a volume."""
+        from o3dleaf.io.clouds import npy
         from o3dleaf.leaf.ct.formats import points
         from o3dleaf.leaf.ct.formats.read import SUFFIXES
 
         name = self.file.name.lower()
         if name.endswith(points.SUFFIXES):  # more often points or a mesh
             return points.holds_voxels(self.file)
+        if name.endswith(npy.SUFFIXES):
+            return not npy.holds_points(self.file)
         return is_folder(self.file) or name.endswith(SUFFIXES)
 
     def check(self) -> None:
@@ -62,12 +70,17 @@ class InfoJob(UnitOption, Job):
         self.require_known()
 
     def require_known(self) -> None:
-        """Refuse a file that is neither a mesh nor points nor a volume by its name, and say what it could be."""
+        """Refuse a file of an unknown suffix, and say what it could be."""
         from o3dleaf.io import point_cloud, triangle_mesh
         from o3dleaf.leaf.ct.formats.content import content_hint
         from o3dleaf.leaf.ct.formats.read import SUFFIXES
 
-        kinds = {"meshes": triangle_mesh.READERS, "point clouds": point_cloud.SUFFIXES, "volumes": SUFFIXES}
+        kinds = {
+            "meshes": triangle_mesh.READERS,
+            "point clouds": point_cloud.SUFFIXES,
+            "volumes": SUFFIXES,
+            "models": table(MODEL),
+        }
         if is_folder(self.file) or self.file.name.lower().endswith(tuple(s for each in kinds.values() for s in each)):
             return
         known = ", ".join(f"{name} ({', '.join(each)})" for name, each in kinds.items())
@@ -82,6 +95,8 @@ class InfoJob(UnitOption, Job):
         from o3dleaf.io.geometry import count_geometry
         from o3dleaf.leaf.ct.formats.counts import count_cropped, count_voxels
 
+        if self.model_file:
+            return []  # its arrays stay on disk
         if self.volume_file:
             crop = self.crop
             voxels = count_voxels(self.file) if crop is None else count_cropped(self.file, crop, **self.lattice)
@@ -93,10 +108,17 @@ class InfoJob(UnitOption, Job):
 
     def work(self) -> dict[str, Any]:
         """Return the contents of the file, as plain values; lengths in `unit`."""
-        contents = self.volume() if self.volume_file else self.geometry()
+        contents = self.model() if self.model_file else self.volume() if self.volume_file else self.geometry()
         if self.json is not None:
             write_json(contents, self.json)
         return contents
+
+    def model(self) -> dict[str, Any]:
+        """Return the figures of a model."""
+        from o3dleaf.leaf.saved.contents import describe_model
+        from o3dleaf.leaf.saved.models import load
+
+        return describe_model(load(self.file))
 
     def volume(self) -> dict[str, Any]:
         """Return the figures of a volume."""

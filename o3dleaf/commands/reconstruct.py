@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from o3dleaf.commands.patch import MODEL, resumed
 from o3dleaf.core import journal
 from o3dleaf.core.arguments.kinds import Positive, SmoothingValue
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.jobs.job import LongJob
 from o3dleaf.core.jobs.option import argument, option, output
 from o3dleaf.core.jobs.shared import ColumnsOption, ResumeOption, UnitOption
@@ -27,6 +28,10 @@ LABELS = {
 """Label of the color bar of each measure."""
 
 
+SCENE = ".glb"
+"""Suffix of what `o3dleaf export` makes of a mesh whose unit is known."""
+
+
 CLOSED: "dict[str, Closed]" = {"auto": "auto", "yes": True, "no": False}
 """What `create_from_point_cloud_rbfpu` calls them."""
 
@@ -35,7 +40,9 @@ CLOSED: "dict[str, Closed]" = {"auto": "auto", "yes": True, "no": False}
 class ReconstructJob(UnitOption, ColumnsOption, ResumeOption, LongJob):
     """Reconstruct a surface from any point cloud: open where the data are open, closed where they are closed."""
 
-    cloud: Path = argument("Any point cloud, with normals or without: PLY, XYZ, TXT, CSV, LAS, E57, ...", reads=True)
+    cloud: Path = argument(
+        "Any point cloud, with normals or without: PLY, XYZ, TXT, CSV, LAS, E57, NPY, ...", reads=True
+    )
     output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
     spacing: Positive | None = option(
         None, "Mesh spacing (chosen from the points if not given)", unit="the cloud's unit"
@@ -69,9 +76,12 @@ class ReconstructJob(UnitOption, ColumnsOption, ResumeOption, LongJob):
     )
 
     def check(self) -> None:
-        """Refuse an unknown unit, and a viewpoint that is no place."""
+        """Refuse a scene for a mesh, an unknown unit, and a viewpoint that is no place."""
         from o3dleaf.core.checks.attributes import as_viewpoint
 
+        if self.output.suffix.lower() == SCENE:
+            made = f"o3dleaf export {self.output.with_suffix('.ply')} --for web --unit UNIT -o {self.output}"
+            raise InputError(f"{self.output}: is a scene in meters; write a .ply, and make one of it by `{made}`")
         super().check()
         if self.viewpoint is not None:
             as_viewpoint(self.viewpoint, 1)

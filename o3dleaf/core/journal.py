@@ -1,15 +1,20 @@
 """The journal of a long job: which stage runs, how far it is, and how long each one took.
 
-A job writes ``with stage("fit"): ...`` and ``note("...")`` into the open journal (``with journal: ...``), if any.
+A job writes ``with stage("fit"): ...`` and ``note("...")`` into the open journal (``with journal: ...``), if any, and
+``tell("...", Warning)`` there or, without one, as a warning.
 """
 
+import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar, Token
 from typing import Self
 
 from o3dleaf.core.progress import Listener, listening, report, silent
+
+PACKAGE = __name__.partition(".")[0]
 
 
 def _unheard(done: int, total: int) -> None:
@@ -85,3 +90,16 @@ def note(text: str) -> None:
     journal = _open.get()
     if journal is not None:
         journal.note(text)
+
+
+def tell(text: str, category: type[Warning]) -> None:
+    """Say something in the journal that is open; without one, warn of it."""
+    note(text) if _open.get() is not None else warn(text, category)
+
+
+def warn(text: str, category: type[Warning]) -> None:
+    """Warn at the line that called the package, however deep in it this is said."""
+    level, frame = 1, sys._getframe()  # noqa: SLF001 - the one way to the caller; `skip_file_prefixes` is Python 3.12's
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == PACKAGE:
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, category, stacklevel=level)

@@ -12,7 +12,7 @@ from o3dleaf.core.arguments.kinds import Whole
 from o3dleaf.core.checks.arrays import require_finite
 from o3dleaf.core.checks.files import require_file
 from o3dleaf.core.errors import InputError
-from o3dleaf.io.clouds import e57, las, text
+from o3dleaf.io.clouds import e57, las, npy, text
 from o3dleaf.io.clouds.columns import Columns
 from o3dleaf.io.clouds.cut_off import require_whole_cloud
 from o3dleaf.io.clouds.pcd import read_pcd
@@ -24,9 +24,14 @@ NAMED = {".xyz": "x y z", ".xyzn": "x y z nx ny nz", ".xyzrgb": "x y z r g b"}
 """Columns of texts whose suffix tells them."""
 MESHES = tuple(suffix for suffix in READERS if suffix != ".ply")
 """Formats of meshes, of which the vertices are the points, as they are of a PLY with faces."""
-SUFFIXES = (".ply", ".pcd", *NAMED, ".pts", *text.SUFFIXES, *las.SUFFIXES, *e57.SUFFIXES, *MESHES)
-EXTRAS = dict.fromkeys(las.SUFFIXES, las.read_las) | dict.fromkeys(e57.SUFFIXES, e57.read_e57)
-"""Readers of formats whose libraries are extras, by suffix."""
+SUFFIXES = (".ply", ".pcd", *NAMED, ".pts", *text.SUFFIXES, *las.SUFFIXES, *e57.SUFFIXES, *npy.SUFFIXES, *MESHES)
+OTHERS = {
+    **dict.fromkeys(las.SUFFIXES, las.read_las),
+    **dict.fromkeys(e57.SUFFIXES, e57.read_e57),
+    **dict.fromkeys(npy.SUFFIXES, npy.read_npy),
+    ".pcd": read_pcd,
+}
+"""Readers of formats that are no text and no mesh, by suffix; libraries of the first ones are extras."""
 WITH_COLUMNS = (*text.SUFFIXES, ".xyz")
 """Formats whose columns can be named."""
 
@@ -39,12 +44,12 @@ def read_point_cloud(
     finite: bool = True,
     columns: str | Sequence[str] | None = None,
 ) -> o3d.geometry.PointCloud:
-    """Return the points of a file: PLY, PCD, XYZ, XYZN, XYZRGB, PTS, TXT, CSV, ASC, LAS, LAZ, E57, or of a mesh.
+    """Return the points of a file: PLY, PCD, XYZ, XYZN, XYZRGB, PTS, TXT, CSV, ASC, LAS, LAZ, E57, NPY, or a mesh.
 
     Coordinates come as they stand in the file, in float64. Those of LAS (by convention) and E57 (by its standard) are
     in meters and stay so: say it where the unit is asked for. LAS and LAZ need ``pip install 'o3dleaf[las]'``, E57
     ``pip install 'o3dleaf[e57]'``. Colors come along, and normals of LAS; for intensities the cloud has no place.
-    Of meshes, PLY, OBJ, STL and OFF, the points are the vertices.
+    NPY is an array (n, 3), or (n, 6) with normals. Of meshes, PLY, OBJ, STL and OFF, the points are the vertices.
 
     Parameters
     ----------
@@ -92,14 +97,12 @@ def _read(file: Path, suffix: str, columns: str | Sequence[str] | None) -> o3d.g
     """Return what the reader of a format makes of a file."""
     if suffix in text.SUFFIXES or columns is not None:
         return text.read_text(file, columns).to_open3d()
-    if suffix in EXTRAS:
-        return EXTRAS[suffix](file).to_open3d()
+    if suffix in OTHERS:
+        return OTHERS[suffix](file).to_open3d()
     if suffix in MESHES:
         return o3d.geometry.PointCloud(read_triangle_mesh(file).vertices)
     if suffix == ".ply":
         content = read_ply(file, faces=False)
         return Columns(content.vertices, content.normals, content.attributes.get("colors")).to_open3d()
-    if suffix == ".pcd":
-        return read_pcd(file).to_open3d()
     require_whole_cloud(file)
     return (read_pts(file) if suffix == ".pts" else text.read_columns(file, NAMED[suffix])).to_open3d()

@@ -1,6 +1,5 @@
 """The whole job, step by step, in the paper's words."""
 
-import warnings
 from collections.abc import Callable
 from functools import partial
 
@@ -135,8 +134,8 @@ def _build_texture(volume: Volume, options: TextureOptions) -> TiledField | Wang
             told.append(f"{bend}, and every tile repeats it; remove_bend (--remove-bend) straightens it")
         elif hairs.count:  # which are told from the blade by its plane
             told.append(f"{hairs}, and end abruptly in every tile")
-        for text in (f"volume: {each}" for each in told):
-            journal.note(text) if journal.open_journal() else warnings.warn(text, DataWarning, stacklevel=4)
+        for text in told:
+            journal.tell(f"volume: {text}", DataWarning)
 
     options.check_tiles()
 

@@ -58,3 +58,41 @@ def test_the_options_are_the_arguments_of_clean_mesh():
     assert {each.name: each.default for each in arguments} == {
         each.name: each.default for each in fields(CleaningOptions)
     }
+
+
+@pytest.fixture(scope="module")
+def scroll(tmp_path_factory):
+    """The file of a sheet of two turns, with a round rim of far more edges than its shape asks for."""
+    across = np.linspace(-1.0, 1.0, 81)
+    u, v = np.meshgrid(across, across, indexing="ij")
+    rows = np.arange(81 * 81).reshape(81, 81)
+    one = np.stack([rows[:-1, :-1], rows[1:, :-1], rows[1:, 1:]], axis=-1).reshape(-1, 3)
+    other = np.stack([rows[:-1, :-1], rows[1:, 1:], rows[:-1, 1:]], axis=-1).reshape(-1, 3)
+    angle, radius = 2 * np.pi * u, 1 + 0.3 * u
+    vertices = np.stack([radius * np.cos(angle), radius * np.sin(angle), 3 * v], axis=-1).reshape(-1, 3)
+    triangles = np.concatenate([one, other])
+    round_inside = np.hypot(u.ravel()[triangles].mean(axis=1), v.ravel()[triangles].mean(axis=1)) < 0.95
+    path = tmp_path_factory.mktemp("clean") / "scroll.ply"
+    o3l.write_mesh(build_mesh(vertices, triangles[round_inside]), path)
+    return path
+
+
+def test_a_mesh_that_simplifying_makes_cross_itself_is_told_with_the_triangles_that_would_do(scroll, tmp_path):
+    rim = o3l.mesh_report(o3l.read_mesh(scroll).mesh).boundary_edges
+    few = CleanJob(scroll, tmp_path / "few.ply", triangles=rim // 2, quiet=True).run()
+    made = few.reports[-1].self_intersections
+    assert made > few.reports[0].self_intersections == 0
+    (line,) = few.warnings
+    assert f"{made:,} of its" in line
+    assert f"the {rim:,} edges of its rim" in line
+    enough = int(line.partition("leave ")[2].split()[0].replace(",", ""))
+    assert enough == 3 * rim
+    more = CleanJob(scroll, tmp_path / "more.ply", triangles=enough, quiet=True).run()
+    assert more.reports[-1].self_intersections == 0
+    assert not more.warnings
+
+
+def test_the_line_about_crossings_is_among_what_a_command_says(scroll, tmp_path):
+    words = ["clean", str(scroll), "--triangles", "50", "-o", str(tmp_path / "few.ply")]
+    said = CliRunner().invoke(app, words)
+    assert "the simplified mesh crosses itself" in " ".join(said.stderr.split())

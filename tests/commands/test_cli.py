@@ -413,6 +413,7 @@ def test_each_command_has_help(run, command):
     result = run(command, "--help")
     assert result.returncode == 0
     assert "Usage" in result.stdout
+    assert result.stdout == run(command, "-h").stdout
 
 
 def test_a_patch_is_fitted_once_and_used_as_a_model(run, files, tmp_path):

@@ -1,17 +1,21 @@
 """Exports from file to file: of models and meshes, by the command line and below it."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import o3dleaf as o3l
 from leaf_fields import leaf_of, texture
 from o3dleaf.commands.export import ExportJob
+from o3dleaf.commands.info import InfoJob
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.triangle_mesh import read_mesh
 from o3dleaf.output.export.consumers import export_mesh
 from o3dleaf.output.export.leaf_scalars import field_deviation
 from o3dleaf.surface.mesh.mesh_report import mesh_report
+from o3dleaf.surface.reconstruction.fit import surface_data
 from tolerances import FIRST_ORDER, FLAT_FACES
 
 REGION = ((4.0, -1.0), (7.0, 1.0))
@@ -166,3 +170,37 @@ def test_the_command_line_takes_all_of_it(run, model, tmp_path):
     assert "needs a closed mesh" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["a.stl"]
+
+
+@pytest.fixture(scope="module")
+def sphere_model(tmp_path_factory):
+    """The cloud of a sphere, and the path of its field."""
+    points, normals = o3l.samples.Sphere().sample(1_500, seed=1)
+    path = tmp_path_factory.mktemp("field") / "sphere.o3l"
+    cloud = o3l.OrientedCloud.of(points, normals)
+    o3l.fit_surface(cloud, rho=0.0, unit="mm").save(path)
+    return cloud, path
+
+
+def test_info_tells_what_a_model_is_made_of(leaf, model, sphere_model, tmp_path, capsys):
+    cloud, path = sphere_model
+    told = InfoJob(path, json=tmp_path / "a.json").run()
+    field = o3l.load(path)
+    assert told["kind"] == "model of a field"
+    assert (told["points"], told["balls"]) == (len(surface_data(cloud).points), len(field.cover.radii))
+    assert (told["kernel"], told["local"], told["unit"]) == ("r^3", "splines of values", "mm")
+    assert np.array_equal(told["bounds"], field.bounds)
+    assert json.loads((tmp_path / "a.json").read_text()) == told
+    told = InfoJob(model).run()
+    assert (told["kind"], told["class"], told["unit"]) == ("model of a leaf", "MultiscaleLeaf", leaf.unit)
+    leaf.texture.save(tmp_path / "texture.o3l")
+    assert InfoJob(tmp_path / "texture.o3l").run()["kind"] == "model of a micro-structure"
+
+
+def test_a_field_is_no_mesh_and_the_line_says_what_makes_one(sphere_model, tmp_path):
+    cloud, path = sphere_model
+    with pytest.raises(InputError, match="export the mesh that `o3dleaf reconstruct` wrote") as refused:
+        ExportJob(path, tmp_path / "a.stl", spacing=0.1).run()
+    call = str(refused.value).partition("make one by ")[2]
+    made = eval(call, {"o3l": o3l, "points": cloud.points})
+    assert mesh_report(made).watertight

@@ -134,3 +134,12 @@ def test_no_surface_no_file(run, tmp_path, kind):
     assert done.returncode != 0
     assert len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "mesh.ply").exists()
+
+
+def test_a_scene_is_refused_with_the_command_that_makes_it_of_a_mesh(run, scan, tmp_path):
+    refused = run("reconstruct", scan, "-o", tmp_path / "a.glb")
+    assert refused.returncode == 2
+    command = refused.stderr.partition("`o3dleaf ")[2].partition("`")[0].replace("UNIT", "mm")
+    assert run("reconstruct", scan, "-o", tmp_path / "a.ply").returncode == 0
+    assert run(*command.split()).returncode == 0
+    assert (tmp_path / "a.glb").read_bytes()[:4] == b"glTF"

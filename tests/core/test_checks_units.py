@@ -31,6 +31,31 @@ def test_points_of_any_make_become_one_layout(points):
     assert found.shape == (2, 3)
 
 
+class Tensor:
+    """As PyTorch's: numbers come only out of one without a gradient, in the memory of the machine."""
+
+    def __init__(self, values, *, gradient=True, device="gpu"):
+        self.values, self.gradient, self.device = values, gradient, device
+
+    def detach(self):
+        return Tensor(self.values, gradient=False, device=self.device)
+
+    def cpu(self):
+        return Tensor(self.values, gradient=self.gradient, device="cpu")
+
+    def numpy(self):
+        if self.gradient:
+            raise RuntimeError("Can't call numpy() on Tensor that requires grad. Use tensor.detach().numpy() instead.")
+        if self.device != "cpu":
+            raise TypeError("can't convert to numpy. Use Tensor.cpu() to copy the tensor to host memory first.")
+        return np.asarray(self.values)
+
+
+def test_a_tensor_of_any_device_is_its_numbers_with_a_gradient_or_without():
+    for tensor in (Tensor([[1.0, 2, 3]]), Tensor([[1.0, 2, 3]], gradient=False)):
+        assert np.array_equal(coordinates.as_points(tensor), [[1.0, 2, 3]])
+
+
 def test_a_clean_array_is_not_copied_and_a_read_only_one_is():
     points = np.ones((4, 3))
     assert coordinates.as_points(points) is points

@@ -5,6 +5,7 @@ from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
 from o3dleaf import read_point_cloud
+from o3dleaf.io.clouds.counts import count_points
 
 
 def cloud_of(points):
@@ -69,3 +70,43 @@ def test_a_ply_that_was_cut_off_is_refused(tmp_path, ascii_text, colours):
         (tmp_path / "cut.ply").write_bytes(content[: int(share * len(content))])
         with pytest.raises(o3l.errors.InputError, match="cut off"):
             read_point_cloud(tmp_path / "cut.ply")
+
+
+def test_an_array_of_a_file_is_the_cloud_that_it_is(tmp_path):
+    rows = np.random.default_rng(0).normal(size=(20, 6))
+    rows[:, 3:] /= np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
+    for kind in (np.float64, ">f4", np.int16):
+        np.save(tmp_path / "a.npy", rows.astype(kind))
+        cloud = read_point_cloud(tmp_path / "a.npy")
+        assert np.array_equal(cloud.points, rows.astype(kind)[:, :3])
+        assert np.array_equal(cloud.normals, rows.astype(kind)[:, 3:])
+    np.save(tmp_path / "a.npy", np.asfortranarray(rows[:, :3]))
+    assert np.array_equal(read_point_cloud(tmp_path / "a.npy").points, rows[:, :3])
+    assert not read_point_cloud(tmp_path / "a.npy").has_normals()
+    assert count_points(tmp_path / "a.npy") == 20
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (np.ones((9, 4)), r"shape \(9, 4\); give \(n, 3\)"),
+        (np.ones((9, 3, 3)), r"shape \(9, 3, 3\)"),
+        (np.ones((9, 3), dtype=complex), "complex"),
+        (np.full((9, 3), None), "Python objects"),
+        (np.ones((0, 3)), "no points"),
+    ],
+)
+def test_an_array_that_is_no_cloud_is_refused_with_its_cause(tmp_path, array, message):
+    np.save(tmp_path / "a.npy", array)
+    with pytest.raises(o3l.errors.InputError, match=message):
+        read_point_cloud(tmp_path / "a.npy")
+
+
+def test_an_array_that_was_cut_off_is_refused(tmp_path):
+    np.save(tmp_path / "a.npy", np.ones((9, 3)))
+    whole = (tmp_path / "a.npy").read_bytes()
+    for size in (5, 100, len(whole) - 1):
+        (tmp_path / "a.npy").write_bytes(whole[:size])
+        with pytest.raises(o3l.errors.InputError, match="cut off"):
+            read_point_cloud(tmp_path / "a.npy")
+        assert count_points(tmp_path / "a.npy") == 0

@@ -12,6 +12,8 @@ from o3dleaf.core.jobs.job import Job
 from o3dleaf.core.jobs.option import Option, options_of
 
 J = TypeVar("J", bound=Job)
+HELP = {"help_option_names": ["--help", "-h"]}
+"""Of every command."""
 
 
 def command_of(job: type[J], do: Callable[[J], None]) -> Callable[..., None]:
@@ -34,7 +36,7 @@ def job_from(job: type[J], words: Sequence[str]) -> J:
     """
     made: list[J] = []
     program = typer.Typer(add_completion=False)
-    program.command()(command_of(job, made.append))
+    program.command(context_settings=HELP)(command_of(job, made.append))
     typer.main.get_command(program).main(list(words), prog_name="", standalone_mode=False)
     if not made:
         raise InputError("--help: is for a person; leave it out")

@@ -39,8 +39,11 @@ def as_array(array: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
 
 
 def _out_of_tensor(array: Any) -> Any:
-    """Return what a tensor of any device holds, such as Open3D's, of which NumPy knows nothing; all else as it is."""
-    return array.cpu().numpy() if hasattr(array, "cpu") and hasattr(array, "numpy") else array
+    """Return the numbers of a tensor of any device, with a gradient or without, of which NumPy knows nothing."""
+    if not (hasattr(array, "cpu") and hasattr(array, "numpy")):
+        return array
+    # Open3D's has no gradient; PyTorch gives no numbers of one that has.
+    return (array.detach() if hasattr(array, "detach") else array).cpu().numpy()
 
 
 def _no_numbers(array: npt.NDArray[Any]) -> str:

@@ -1,11 +1,11 @@
 """What belongs to points and triangles, one each: values, weights, labels, normals."""
 
-import warnings
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core import journal
 from o3dleaf.core.checks.arrays import FloatArray, as_array, as_floats, require_finite, require_moderate
 from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.errors import DataWarning, InputError
@@ -98,9 +98,8 @@ def warn_of_contradictions(points: FloatArray, values: FloatArray) -> None:
     places = np.unique(group[differs])
     if len(places):
         where = tell_place(points[order[np.searchsorted(group, places[0])]], points)
-        warnings.warn(
+        journal.warn(
             f"values: points coincide and have different values at {len(places):,} place{'s' * (len(places) > 1)}, the "
             f"first at {where}; the fit goes through their means; give smoothing, or leave one point at each place",
             DataWarning,
-            stacklevel=4,  # of the caller of a `checked` method that calls this
         )

@@ -17,7 +17,7 @@ from o3dleaf.core.parallel import get_num_threads
 from o3dleaf.core.resources import machine
 from o3dleaf.core.resources.durations import parse_duration
 from o3dleaf.core.resources.machine import Limit
-from o3dleaf.core.resources.sizes import parse_size
+from o3dleaf.core.resources.sizes import parse_size, size_in_words
 
 KEPT = 1 / 128
 """Of the memory that was stated, which the allocator may keep of what each thread freed: one array of dozens, as it
@@ -90,7 +90,12 @@ def usable_memory() -> Limit | None:
     else:
         # What the allocator keeps would count as held, though nothing lies in it.
         machine.release_heap()
-        soft = Limit(stated - machine.resident(), "as stated", "state more (--memory) if there is more")
+        held = machine.resident()
+        soft = Limit(
+            stated - held,
+            f"of the {size_in_words(stated)} that were stated, {size_in_words(held)} being held",
+            "state more (--memory) if there is more",
+        )
     limits = [*machine.hard_limits(get_num_threads()), *([soft] if soft else [])]
     return min(limits, key=lambda limit: limit.free, default=None)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from o3dleaf.core.errors import MemoryBudgetError, TimeBudgetError
 from o3dleaf.core.parallel import get_num_threads
-from o3dleaf.core.resources.budget import get_time_limit, usable_memory
+from o3dleaf.core.resources.budget import get_memory_limit, get_time_limit, usable_memory
 from o3dleaf.core.resources.durations import duration_in_words
 from o3dleaf.core.resources.measured import Cost
 from o3dleaf.core.resources.sizes import about, size_in_words
@@ -21,7 +21,7 @@ from o3dleaf.core.resources.sizes import about, size_in_words
 SAFETY = 1.3
 """Times as much as was measured: other data, other libraries."""
 SMALL = 50_000_000
-"""Bytes that are never refused, and asked after: whatever runs at all has them."""
+"""Bytes that are not asked after where no memory was stated: whatever runs at all has them."""
 MAX_TOLD, MAX_DIGITS = 1e30, 1e12
 """Bytes and seconds beyond which all are alike, and numbers that are not written out."""
 
@@ -62,7 +62,7 @@ class Need:
 
     def require(self) -> None:
         """Raise `MemoryBudgetError` or `TimeBudgetError` if less may be used."""
-        room = None if self.bytes <= SMALL else usable_memory()
+        room = None if self.bytes <= SMALL and get_memory_limit() is None else usable_memory()
         if room is not None and self.bytes > room.free:
             raise MemoryBudgetError(
                 f"{self.what} need {about(self.bytes)} of memory, and {size_in_words(max(room.free, 0))} more may be "

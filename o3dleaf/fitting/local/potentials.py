@@ -50,7 +50,10 @@ class Hermite:
     .. math:: \sum_j \left(F(x_j)^2 + h^2\,|\nabla F(x_j) + n_j|^2\right) + s\,E(F) \to \min
 
     With s = 0 both are exact to rounding, also for the blend (Wendland 2005, chapter 16). On a torus the mean error
-    falls like spacing⁴ with r⁵, to a hundredth of what values at points beside the surface give.
+    falls like spacing⁴ with r⁵, to a hundredth of what values at points beside the surface give. Normals are taken as
+    they are: where they are off by an angle ε, as those of planes through neighbors are by about the spacing over the
+    radius of curvature, the surface is off by up to ε spacings, more than such values give. The slopes of a fit of
+    values, −∇F at the points, are better ones.
 
     Attributes
     ----------
@@ -85,6 +88,7 @@ class CurlFree:
     be one constant, loses that and, where `exact`, a spline of values through the rest (Drake, Fuselier and Wright
     2022, "Implicit surface reconstruction with a curl-free radial basis function partition of unity method"). Values
     at the points are then zero to rounding, gradients −n but for what the spline adds; `Hermite` needs no such step.
+    Normals that are off put the surface off as there.
 
     Attributes
     ----------

@@ -1,12 +1,12 @@
 """The single interpolant: one sum of kernels and tail through all the data, the paper's equation (2)."""
 
-import warnings
 from dataclasses import dataclass, field
 from os import PathLike
 
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core import journal
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import SmoothingValue, Unit
 from o3dleaf.core.checks.arrays import FARTHEST, FloatArray
@@ -158,10 +158,9 @@ class RBFInterpolant:
             )
             if degree is not None:
                 raise IllPosedError(f"{open_terms}; lower the degree or add points off their common plane or curve")
-            warnings.warn(
+            journal.warn(
                 f"{open_terms}: off their common plane or curve the function is a guess; add points there",
                 DataWarning,
-                stacklevel=3,  # `checked` is one
             )
         if chosen.value == 0:
             warn_of_contradictions(sites, data)

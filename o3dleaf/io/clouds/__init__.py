@@ -9,6 +9,7 @@
 `pcd`      PCD
 `lzf`      compressed PCD unpacked
 `pts`      PTS
+`npy`      NPY
 `bgeo`     BGEO, written for programs that read by Partio
 `cut_off`  PTS and columns of numbers that end too early
 `counts`   about how many points or triangles a file has

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from o3dleaf.core.checks.files import is_file
+from o3dleaf.io.clouds.npy import count_rows
 from o3dleaf.io.ply_reader import count_items
 from o3dleaf.io.stl import TRIANGLE, is_binary
 
@@ -60,6 +61,11 @@ def _in_stl(file: Path, head: bytes, size: int) -> int:
     return size // (TRIANGLE_BYTES[".stl"] if is_binary(file) else STL_TEXT_BYTES) // 2
 
 
+def _in_npy(file: Path, head: bytes, size: int) -> int:
+    del head, size
+    return count_rows(file) or 0
+
+
 def _in_text(file: Path, head: bytes, size: int) -> int:
     del file
     lines = head.splitlines()[1:-1] or [head]
@@ -73,6 +79,7 @@ COUNTS: dict[str, Callable[[Path, bytes, int], int]] = {
     ".pcd": _in_pcd,
     ".e57": _in_e57,
     ".stl": _in_stl,
+    ".npy": _in_npy,
 }
 """By suffix; others are text, a point in a line."""
 

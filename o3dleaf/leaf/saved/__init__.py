@@ -4,4 +4,5 @@
 `relations`     relations between the arrays of an object
 `model_arrays`  what all of them must be, before compiled loops index by them
 `models`        read again
+`contents`      told in plain values
 """

@@ -89,11 +89,6 @@ class _Places(NamedTuple):
         """Distances (m,) of the sides."""
         return np.abs(self.coefficients[:, 6])
 
-    @property
-    def spacing(self) -> FloatArray:
-        """Spacings (m,) of the points of both sides together, seen along the normal."""
-        return np.asarray(self.radius * np.sqrt(np.pi / SEEN))
-
     def only(self, chosen: BoolArray) -> "_Places":
         """Return some (m,) of the places."""
         kept = (self.origin[chosen], self.axes[chosen], self.radius[chosen], self.coefficients[chosen])

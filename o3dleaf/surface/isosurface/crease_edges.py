@@ -3,7 +3,7 @@
 import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.surface.mesh.topology import EdgeTable
 
 MIN_COSINE = 0.9
@@ -15,6 +15,9 @@ MAX_OUTSIDE = 0.5
 RANK_TOLERANCE = 0.02
 """Planes that differ by less than this share of the largest eigenvalue leave a direction open: along an edge, where
 the vertex stays in the middle. Two normals 26° apart leave 0.05."""
+
+ON_EDGE = 1e-6
+"""Part of a cell by which rounding moves a vertex off an edge of the lattice."""
 
 
 def meet_planes(squares: FloatArray, right: FloatArray, middle: FloatArray) -> FloatArray:
@@ -52,3 +55,34 @@ def join_creases(triangles: IntArray, ordinary: int) -> IntArray:
     result[fans[one // 3]] = np.column_stack([begin, far, near])
     result[fans[other // 3]] = np.column_stack([far, end, near])
     return result
+
+
+def near_strayed(vertices: FloatArray, triangles: IntArray, step: float) -> BoolArray:
+    """Return which triangles (m,) of a surface on a lattice lie in or beside a cell with a crease's vertex of another.
+
+    Only they can cross others: all else of a surface stays in the cells that it was drawn in, where marching cubes
+    makes no triangles that cross. A vertex is a crease's where it lies on no edge of the lattice, as one on a rim that
+    was cut since, and its own cell is that of its neighbors on edges.
+    """
+    places = vertices / step
+    added = (np.abs(places - np.rint(places)) < ON_EDGE).sum(axis=1) < 2
+    fans = triangles[added[triangles].any(axis=1)]
+    if not len(fans):
+        return np.zeros(len(triangles), dtype=bool)
+    ends = np.concatenate([fans[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0), (1, 0), (2, 1), (0, 2))])
+    one, other = ends[added[ends[:, 0]] & ~added[ends[:, 1]]].T
+    count = np.maximum(np.bincount(one, minlength=len(places)), 1)[added]
+    sums = [np.bincount(one, each[other], minlength=len(places))[added] for each in places.T]
+    own = np.floor(np.column_stack(sums) / count[:, np.newaxis])
+    strayed = np.flatnonzero(added)[((places[added] < own) | (places[added] > own + 1)).any(axis=1)]
+    near = _near(np.floor(places).astype(np.int64), strayed)
+    return np.asarray(near[triangles].any(axis=1))
+
+
+def _near(cells: IntArray, rows: IntArray) -> BoolArray:
+    """Return which of (n, 3) cells are one of those of some rows, or beside it."""
+    width = np.ptp(cells, axis=0) + 3
+    names = np.ravel_multi_index(tuple((cells - cells.min(axis=0) + 1).T), tuple(width))
+    around = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3), axis=-1).reshape(-1, 3) @ [width[1] * width[2], width[2], 1]
+    near = np.unique(np.unique(names[rows])[:, np.newaxis] + around)
+    return np.isin(names, near)

@@ -12,7 +12,8 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.checks.voxels import as_step
 from o3dleaf.core.cloud_arrays import CloudLike
-from o3dleaf.core.mesh_arrays import BoolArray, build_mesh
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray, build_mesh
+from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
 from o3dleaf.fitting.local.splines import LocalSplines
@@ -22,7 +23,9 @@ from o3dleaf.surface.cloud.noise import CLEAN
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 from o3dleaf.surface.isosurface.continuation import Continuation
+from o3dleaf.surface.isosurface.crease_edges import near_strayed
 from o3dleaf.surface.isosurface.remembered import RememberedField
+from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.reconstruction.branch_cut import cut_at_branchings
 from o3dleaf.surface.reconstruction.proximity import Mask, distance_mask
 
@@ -78,9 +81,7 @@ class NearSurface:
         data = OrientedCloud.of(cloud)
         noisy = spacing is None and data.is_measurable and not data.is_clean
         if spacing is None:
-            noise = data.noise / data.spacing if noisy and not _is_thin(data) else 0.0
-            dense = mesh_step(float(np.median(data.point_spacing)), len(data), noise)
-            spacing = max(dense, least_step(data.point_spacing, noise))
+            spacing, dense = chosen_step(data)
             if spacing > dense:
                 asked = f"{tell_length(spacing)}, as most of the area asks, not {tell_length(dense)}, as most points do"
                 journal.note(f"density differs much: the mesh step is {asked}; spacing sets another")
@@ -132,6 +133,14 @@ def exact_field(field: Any) -> PUInterpolant:
     return exact
 
 
+def chosen_step(data: OrientedCloud) -> tuple[float, float]:
+    """Return the step of the mesh of a cloud where none is given, and the one that most of its points ask for."""
+    noisy = data.is_measurable and not data.is_clean and not _is_thin(data)
+    noise = data.noise / data.spacing if noisy else 0.0
+    dense = mesh_step(float(np.median(data.point_spacing)), len(data), noise)
+    return max(dense, least_step(data.point_spacing, noise)), dense
+
+
 def mesh_step(spacing: float, count: int, noise: float = 0.0) -> float:
     """Return the step of the mesh of a cloud of `count` points 1/√(points per unit area) = `spacing` apart.
 
@@ -150,6 +159,20 @@ def least_step(point_spacing: FloatArray, noise: float = 0.0) -> float:
     """
     mean = float(np.sqrt(np.mean(np.square(point_spacing))))
     return mesh_step(mean, len(point_spacing), noise) / float(np.sqrt(MAX_UNEVEN))
+
+
+def tell_crossings(vertices: FloatArray, triangles: IntArray, step: float) -> list[str]:
+    """Return a line on the triangles that cross others, or none, of the surface of a field with creases on a lattice.
+
+    Where the field turns within a step, the vertices of creases lie beside their cells; without creases none cross.
+    """
+    rows = np.flatnonzero(near_strayed(vertices, triangles, step))
+    crossing = rows[find_crossings(vertices, triangles[rows])] if len(rows) else rows
+    if not len(crossing):
+        return []
+    place = tell_middle(vertices[triangles[crossing, 0]], vertices)
+    cause = f"{len(crossing):,} of {len(triangles):,} triangles cross others, as at {place}: creases turn within a step"
+    return [f"{cause} there; creases=False makes none, and clean_mesh(mesh, untangle=True) takes them away"]
 
 
 def _is_thin(data: OrientedCloud) -> bool:

@@ -55,7 +55,9 @@ def fit_surface(
         constraints made from them.
     local : {"rbf", "hermite", "curl-free", "mls", "auto"} or object with a fit
         What is fitted in the balls: splines of the values 0 and ±d at and off the surface, or a fit to points and
-        normals, see `PUInterpolant.fit_oriented`, which chooses its own smoothing.
+        normals, see `PUInterpolant.fit_oriented`, which chooses its own smoothing. "hermite" and "curl-free" want exact
+        normals: with estimated ones "rbf", which takes from them the side alone, is nearer to the truth, or give them
+        its own slopes, ``OrientedCloud.of(cloud, -field.gradient(cloud.points))``.
     constraints : callable
         ``constraints(cloud) -> OffsetConstraints``, for "rbf".
     creases : "auto", False or float

@@ -1,6 +1,5 @@
 """The whole job for any point cloud, one step a line."""
 
-import warnings
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal
@@ -32,7 +31,7 @@ from o3dleaf.surface.cloud.preprocess import preprocess_point_cloud
 from o3dleaf.surface.reconstruction.along_mesh import find_inverted_regions
 from o3dleaf.surface.reconstruction.attributes import interpolate_attributes
 from o3dleaf.surface.reconstruction.closing import Closed, Followed, follow_surface, surroundings, verdict
-from o3dleaf.surface.reconstruction.extract import PER_POINT
+from o3dleaf.surface.reconstruction.extract import PER_POINT, chosen_step, tell_crossings
 from o3dleaf.surface.reconstruction.finish import AUTO, SHOWN, field_normals, finish_mesh
 from o3dleaf.surface.reconstruction.fit import Constrain, fit_surface, surface_data
 from o3dleaf.surface.reconstruction.overshoots import Surroundings
@@ -84,7 +83,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     rho, smoothing
         How much to smooth, as in `PUInterpolant.fit`; "gcv" leaves points out and takes what predicts them best.
     local : {"rbf", "hermite", "curl-free", "mls", "auto"} or object with a fit
-        What is fitted in the balls, see `fit_surface`.
+        What is fitted in the balls, see `fit_surface`; "hermite" and "curl-free" want exact normals.
     creases : "auto", False or float
         Sharp edges, for "rbf": degrees that normals turn across them at least. "auto" is 30, for clouds whose noise is
         far below their spacing.
@@ -146,7 +145,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         cloud = OrientedCloud.of(prepare(pcd) if viewpoint is None else prepare(pcd, viewpoint=viewpoint))
         require_breadth(cloud.points, "pcd")
     for decision in cloud.decisions:
-        _tell(decision)
+        journal.tell(decision, CloudWarning)
     with journal.stage("merge points"):
         count = len(cloud)
         averaging, measuring = progress.split(2, 3)
@@ -154,10 +153,9 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             cloud = OrientedCloud.of(merge(cloud)) if merge else cloud
         with measuring:
             cloud.compact()  # sixteen neighbors of each point are the largest arrays of the job
+            need_for_mesh(cloud, spacing, unit).require()
     if len(cloud) < count:
         journal.note(f"noise exceeds the point spacing: {count:,} points were averaged to {len(cloud):,}")
-    if spacing is not None:
-        need_for_mesh(cloud, spacing, unit).require()
     with journal.stage("fit balls"):
         fit = partial(
             fit_surface,
@@ -177,11 +175,12 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         followed = follow_surface(field, around, cloud, spacing, data)
         field = followed.field
     mesh, decisions = _trimmed(followed, around, cloud, closed, trim)
-    for decision in decisions:
-        _tell(decision)
     with journal.stage("clean mesh"):
         mesh = clean(mesh) if clean else mesh
-    vertices, _ = mesh_arrays(mesh)
+        vertices, triangles = mesh_arrays(mesh)
+        decisions += tell_crossings(vertices, triangles, followed.step) if followed.creased else []
+    for decision in decisions:
+        journal.tell(decision, CloudWarning)
     with journal.stage("carry attributes"):
         normals, carried = _carry(pcd, followed.asked, vertices, attributes)
     tensor = hasattr(pcd, "point")
@@ -200,24 +199,28 @@ def need_for(points: int) -> Need:
     return need_of(measured.RECONSTRUCTED_POINT * points, f"reconstruct: {points:,} points", cure)
 
 
-def need_for_mesh(cloud: OrientedCloud, spacing: float, unit: str | None = None) -> Need:
-    """Return what the surface of a cloud takes, meshed at a spacing: three triangles a point where it is the cloud's.
+def need_for_mesh(cloud: OrientedCloud, spacing: float | None, unit: str | None = None) -> Need:
+    """Return what the surface of a cloud takes in steps of a spacing, or of the one that is chosen where none is given.
+
+    In steps of 1/√(points per unit area) it has three triangles a point: an area of Σ s², of all points' spacings s.
 
     Raises
     ------
     InputError
         If the spacing is not above zero, or wider than the cloud.
     """
-    own, size = float(np.median(cloud.point_spacing)), float(np.ptp(cloud.points, axis=0).max())
+    own, size = cloud.point_spacing, float(np.ptp(cloud.points, axis=0).max())
     told = partial(measure_in_words, unit=unit, digits=3)
-    apart = f"the points are {told(own)} apart"
-    if spacing > size:
+    apart = f"the points are {told(float(np.median(own)))} apart"
+    what, one = ("spacing", "one") if spacing is not None else ("reconstruct", "spacing")
+    if spacing is not None and spacing > size:
         cure = f"give a smaller one ({apart})"
         raise InputError(f"spacing: is {told(spacing)}, and the cloud {told(size)} long; {cure}")
+    step = chosen_step(cloud)[0] if spacing is None else spacing
     with np.errstate(over="ignore"):
-        triangles = float(PER_POINT * len(cloud) * np.square(np.float64(own) / require_positive(spacing, "spacing")))
-    what = f"spacing: about {in_words(triangles)} triangles"
-    return need_of(measured.FOLLOWED_TRIANGLE * triangles, what, f"give a larger one ({apart})", step=spacing)
+        triangles = float(PER_POINT * np.square(own / require_positive(step, "spacing")).sum())
+    made = f"{what}: about {in_words(triangles)} triangles"
+    return need_of(measured.FOLLOWED_TRIANGLE * triangles, made, f"give a larger {one} ({apart})", step=step)
 
 
 def _trimmed(
@@ -254,8 +257,3 @@ def _carry(
         normals = field_normals(field, vertices)
     with carrying:
         return normals, attributes(pcd, vertices) if attributes else {}
-
-
-def _tell(decision: str) -> None:
-    """Note a decision in the open journal or, without one, warn of it at the line that called the job."""
-    journal.note(decision) if journal.open_journal() else warnings.warn(decision, CloudWarning, stacklevel=4)

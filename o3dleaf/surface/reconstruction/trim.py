@@ -1,7 +1,5 @@
 """Cutting a surface off where it goes on past its data: no invented surface, and no hole in a random cloud."""
 
-import warnings
-
 import numpy as np
 import open3d as o3d
 from scipy.spatial import cKDTree
@@ -262,4 +260,4 @@ def _tell_of_lost(data: OrientedCloud, piece: IntArray, keep: BoolArray, tree: c
         f"{len(lost):,} points have no surface: {len(names)} piece{'s' * (len(names) > 1)} of too few, the largest of "
     )
     text += f"{counts.max()} at {tell_place(place, data.points)}"
-    journal.note(text) if journal.open_journal() else warnings.warn(text, CloudWarning, stacklevel=6)
+    journal.tell(text, CloudWarning)

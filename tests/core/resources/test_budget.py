@@ -32,6 +32,19 @@ def test_the_least_of_what_is_stated_and_what_the_shell_allows_holds(monkeypatch
 
 
 @LINUX
+def test_little_work_is_refused_too_where_less_was_stated_and_what_is_held_is_told():
+    """Where nothing was stated, nobody asks after so little."""
+    require_resources(1e6, "work: 1 thing", "do less")
+    with (
+        memory_limit("1MB"),
+        pytest.raises(MemoryBudgetError, match=r"of the 1\.0 MB that were stated, [\d,]+ MB being"),
+    ):
+        require_resources(1e6, "work: 1 thing", "do less")
+    with memory_limit(machine.resident() + 10**8):
+        require_resources(1e6, "work: 1 thing", "do less")
+
+
+@LINUX
 def test_pages_of_a_mapped_file_are_not_held(tmp_path):
     """The system drops them when it needs room; of an array in memory every page is held."""
     size = 64_000_000

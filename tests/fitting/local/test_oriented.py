@@ -23,6 +23,8 @@ from tolerances import (
     ORIENTED_TURN,
     ORIENTED_TWIN,
     QUADRIC,
+    REFINED_NORMALS,
+    TURNED_NORMALS,
 )
 
 BOX = np.array([[-1.6, -1.6, -1.6], [1.6, 1.6, 1.6]])
@@ -294,3 +296,29 @@ def test_fits_that_take_no_more_points_say_so():
     field = PUInterpolant.fit(points, np.zeros(60), local=o3l.RBFInterpolant.fit, points_per_ball=60)
     with pytest.raises(InputError, match="take no more points"):
         field.with_points(ScatteredData.of(points, np.zeros(60)), 1)
+
+
+@pytest.mark.parametrize("local", ["hermite", "curl-free"])
+def test_normals_that_are_off_put_the_surface_off_by_their_angle_times_the_spacing_at_most(local):
+    points, normals = torus(1500)
+    at, _ = torus(2000, seed=5)
+    spacing = np.sqrt(4 * np.pi**2 * 0.4 / len(points))
+    beside = np.cross(normals, sphere(len(points), 1))
+
+    def error(angle):
+        return np.sqrt(np.mean(fit(points, normals + angle * beside, local)(at) ** 2))
+
+    assert error(0.0) < TURNED_NORMALS * error(0.05)
+    assert error(0.1) == pytest.approx(2 * error(0.05), rel=TURNED_NORMALS)
+    assert error(0.05) < 0.05 * spacing
+
+
+@pytest.mark.parametrize("local", ["hermite", "curl-free"])
+def test_slopes_of_a_first_fit_of_values_are_better_normals_than_those_of_planes(local):
+    points, planes = noisy(1500, 0.0)
+    at, _ = torus(2000, seed=5)
+    first = o3l.fit_surface(o3l.OrientedCloud.of(points, planes))
+    by_planes, by_slopes = (
+        np.median(np.abs(fit(points, each, local)(at))) for each in (planes, -first.gradient(points))
+    )
+    assert by_slopes < REFINED_NORMALS * by_planes

@@ -1,5 +1,6 @@
 """A surface of any cloud: true to it, open or closed as it is, every step replaceable, nothing without a word."""
 
+import re
 import warnings
 from dataclasses import replace
 from functools import partial
@@ -10,14 +11,26 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf import OrientedCloud, PUInterpolant, create_from_point_cloud_rbfpu, fit_surface, samples
-from o3dleaf.core.errors import CloudWarning, InputError
+from o3dleaf.core.errors import CloudWarning, InputError, MemoryBudgetError
 from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.core.resources import machine, needs
+from o3dleaf.core.resources.budget import memory_limit
+from o3dleaf.core.resources.needs import need_of
 from o3dleaf.fitting.pu.single_blend import SingleBlend
-from o3dleaf.surface.reconstruction import extract
-from o3dleaf.surface.reconstruction.extract import MAX_UNEVEN, SEEN, NearSurface, least_step, mesh_step, quick_field
+from o3dleaf.surface.reconstruction import extract, reconstruct
+from o3dleaf.surface.reconstruction.extract import (
+    MAX_UNEVEN,
+    SEEN,
+    NearSurface,
+    chosen_step,
+    least_step,
+    mesh_step,
+    quick_field,
+)
 from tolerances import (
     CLEAN_SURFACE,
     KEPT_SHEET,
+    MESH_NEED,
     NOISY_SURFACE,
     PLANE_FIELD,
     RIM_AREA,
@@ -214,6 +227,60 @@ def test_bad_points_are_left_out_and_said(sphere, surface):
     with pytest.warns(CloudWarning, match="3 not finite, 7 repeated, 2 far"):
         mesh, _ = create_from_point_cloud_rbfpu(cloud)
     np.testing.assert_array_equal(np.asarray(mesh.vertices), np.asarray(surface[0].vertices))
+
+
+def test_points_without_a_surface_are_told_at_the_line_that_called():
+    """However deep in the job: a small ball of points beside a sheet is trimmed away."""
+    rng = np.random.default_rng(2)
+    sheet = np.column_stack([rng.uniform(size=(2_000, 2)), np.zeros(2_000)])
+    ball = rng.normal(size=(12, 3))
+    ball *= 0.03 / np.linalg.norm(ball, axis=1, keepdims=True)
+    normals = np.vstack([np.tile([0.0, 0, 1], (2_000, 1)), ball / 0.03])
+    cloud = OrientedCloud.of(np.vstack([sheet, ball + [0.5, 0.5, 0.5]]), normals)
+    with pytest.warns(CloudWarning, match="points have no surface") as caught:
+        create_from_point_cloud_rbfpu(cloud, prepare=OrientedCloud.of, measure=None)
+    assert {warning.filename for warning in caught} == {__file__}
+
+
+@pytest.mark.parametrize("spacing", [None, 0.02])
+def test_a_mesh_that_memory_has_no_room_for_is_refused_before_the_fit(spacing, monkeypatch):
+    """In steps that the points ask for as in those that are given: triangles by the area, 1/n a point, over the step's.
+
+    Here a tenth of the points have most of the area: by the median of the spacings it would be a hundredth.
+    """
+    rng = np.random.default_rng(3)
+    dense, sparse = rng.uniform(0, 0.1, (4_500, 2)), rng.uniform(-1, 1, (500, 2))
+    places = np.pad(np.vstack([dense, sparse]), ((0, 0), (0, 1)))
+    cloud = OrientedCloud.of(places, np.tile([0.0, 0, 1], (len(places), 1)))
+    monkeypatch.setattr(reconstruct, "need_for", lambda points: need_of(0, "", ""))
+    monkeypatch.setattr(reconstruct, "fit_surface", None)
+    monkeypatch.setattr(needs, "usable_memory", lambda: machine.Limit(10**5, "as stated", "state more"))
+    with memory_limit("1GB"), pytest.raises(MemoryBudgetError, match=r"about [\d,]+ triangles need about") as refused:
+        create_from_point_cloud_rbfpu(cloud, spacing, prepare=OrientedCloud.of)
+    told = str(refused.value)
+    assert re.search(rf"give a larger {'one' if spacing else 'spacing'} \(the points are .* apart\), .* or more", told)
+    step = spacing or chosen_step(cloud)[0]
+    triangles = float(told.partition("about ")[2].split()[0].replace(",", ""))
+    assert triangles == pytest.approx(3.0 * 4.0 / step**2, rel=MESH_NEED)
+
+
+def test_triangles_that_cross_are_told_with_their_number_and_what_makes_none():
+    """Of steep roofs that end in a step: some samples cross themselves, and every one that does says so."""
+    crossing = []
+    for seed in (0, 3):
+        x, y = np.random.default_rng(seed).uniform(size=(3_000, 2)).T
+        points = np.column_stack([x, y, np.abs(x - 0.5) * np.where(y > 0.6, 6.0, 1.8)])
+        for options in ({}, {"creases": False}):
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                mesh, _ = create_from_point_cloud_rbfpu(points, measure=None, **options)
+            found = [re.match(r"([\d,]+) of ([\d,]+) triangles cross", str(each.message)) for each in caught]
+            told = [[int(number.replace(",", "")) for number in each.groups()] for each in found if each]
+            made = o3l.mesh_report(mesh).self_intersections
+            assert told == ([[made, len(mesh.triangles)]] if made else [])
+            crossing.append(made)
+    assert any(crossing[::2])
+    assert not any(crossing[1::2])
 
 
 def test_no_surface_is_an_error():

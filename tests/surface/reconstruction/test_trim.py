@@ -110,8 +110,11 @@ def test_points_that_are_too_few_for_a_piece_do_not_vanish_without_a_word():
     bubble, triangles = mesh_arrays(extract_isosurface(sphere(), 0.5))
     far = bubble * spacing + [0.25, 0.5, 1.0]
     data = OrientedCloud.of(np.concatenate([cloud, far[:12]]), spacing=spacing)
-    with pytest.warns(CloudWarning, match=r"^12 points have no surface: 1 piece of too few, the largest of 12 at 0\.2"):
+    with pytest.warns(
+        CloudWarning, match=r"^12 points have no surface: 1 piece of too few, the largest of 12 at 0\.2"
+    ) as told:
         trim_to_data(joined(plane(spacing), (far, triangles)), data)
+    assert told[0].filename == __file__
     near = bubble * spacing + [0.3, 0.2, 1.5 * spacing]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
