@@ -4,18 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from o3dleaf.core import progress
+from o3dleaf.core import journal, progress
 from o3dleaf.core.checks.arrays import FloatArray, require_finite
+from o3dleaf.core.errors import DataWarning
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.core.places import tell_middle
 from o3dleaf.surface.isosurface import band_loops as loops
 from o3dleaf.surface.isosurface import crease_edge_loops
 from o3dleaf.surface.isosurface.band import BATCH_SIZE, BLOCK, Band, Crossing
 from o3dleaf.surface.isosurface.band_loops import CrossedEdges
 from o3dleaf.surface.isosurface.cell_loops import COUNTS, CUBES
 from o3dleaf.surface.isosurface.crease_edge_loops import FirstRows, TangentPlanes
-from o3dleaf.surface.isosurface.crease_edges import MAX_OUTSIDE, MIN_COSINE, join_creases, meet_planes
+from o3dleaf.surface.isosurface.crease_edges import MIN_COSINE, CreaseVertices, join_creases, meet_planes
 from o3dleaf.surface.mesh.clip import trim_to_manifold
 
 SHARES = (1, 2, 3)
@@ -100,8 +102,13 @@ def _crease(band: Band, crossing: Crossing) -> tuple[FloatArray, IntArray]:
         return vertices, triangles
     lower = band.positions(band.keys[corners[planes.of_cell, 0]])
     met = meet_planes(planes.squares, planes.right, planes.middle)
-    added = np.clip(met, lower - MAX_OUTSIDE * band.step, lower + (1 + MAX_OUTSIDE) * band.step)
-    return np.concatenate([vertices, added]), join_creases(triangles, len(vertices))
+    triangles = join_creases(triangles, len(vertices))
+    vertices, left = CreaseVertices(met, planes.middle, lower, band.step).place(vertices, triangles)
+    if len(left):
+        place = tell_middle(vertices[triangles[left, 0]], vertices)
+        cause = f"{len(left):,} of {len(triangles):,} triangles cross others, as at {place}: creases turn within a step"
+        journal.tell(f"{cause}; no mesh without creases has such, nor clean_mesh(mesh, untangle=True)", DataWarning)
+    return vertices, triangles
 
 
 def _unit_gradients(field: Field, points: FloatArray) -> FloatArray:

@@ -1,9 +1,12 @@
 """Sharp edges: vertices where the tangent planes of a cell's crossings meet, and the edges between them."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.mesh.topology import EdgeTable
 
 MIN_COSINE = 0.9
@@ -15,9 +18,6 @@ MAX_OUTSIDE = 0.5
 RANK_TOLERANCE = 0.02
 """Planes that differ by less than this share of the largest eigenvalue leave a direction open: along an edge, where
 the vertex stays in the middle. Two normals 26° apart leave 0.05."""
-
-ON_EDGE = 1e-6
-"""Part of a cell by which rounding moves a vertex off an edge of the lattice."""
 
 
 def meet_planes(squares: FloatArray, right: FloatArray, middle: FloatArray) -> FloatArray:
@@ -57,26 +57,53 @@ def join_creases(triangles: IntArray, ordinary: int) -> IntArray:
     return result
 
 
-def near_strayed(vertices: FloatArray, triangles: IntArray, step: float) -> BoolArray:
-    """Return which triangles (m,) of a surface on a lattice lie in or beside a cell with a crease's vertex of another.
+@dataclass(frozen=True, eq=False)
+class CreaseVertices:
+    """Vertices on creases, one in each loop of a cell.
 
-    Only they can cross others: all else of a surface stays in the cells that it was drawn in, where marching cubes
-    makes no triangles that cross. A vertex is a crease's where it lies on no edge of the lattice, as one on a rim that
-    was cut since, and its own cell is that of its neighbors on edges.
+    Attributes
+    ----------
+    met, middle : (k, 3) ndarrays
+        Where the tangent planes of a loop meet, see `meet_planes`, and its middle.
+    low, step : (k, 3), (3,) ndarrays
+        Lower corners of their cells, and the sides of cells.
     """
-    places = vertices / step
-    added = (np.abs(places - np.rint(places)) < ON_EDGE).sum(axis=1) < 2
-    fans = triangles[added[triangles].any(axis=1)]
-    if not len(fans):
-        return np.zeros(len(triangles), dtype=bool)
-    ends = np.concatenate([fans[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0), (1, 0), (2, 1), (0, 2))])
-    one, other = ends[added[ends[:, 0]] & ~added[ends[:, 1]]].T
-    count = np.maximum(np.bincount(one, minlength=len(places)), 1)[added]
-    sums = [np.bincount(one, each[other], minlength=len(places))[added] for each in places.T]
-    own = np.floor(np.column_stack(sums) / count[:, np.newaxis])
-    strayed = np.flatnonzero(added)[((places[added] < own) | (places[added] > own + 1)).any(axis=1)]
-    near = _near(np.floor(places).astype(np.int64), strayed)
-    return np.asarray(near[triangles].any(axis=1))
+
+    met: FloatArray
+    middle: FloatArray
+    low: FloatArray
+    step: FloatArray
+
+    def within(self, beyond: float) -> FloatArray:
+        """Return the nearest places that lie in the cells, or beyond them by a part of a step."""
+        return np.clip(self.met, self.low - beyond * self.step, self.low + (1 + beyond) * self.step)
+
+    def place(self, ordinary: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+        """Return all vertices (n, 3), ordinary ones first, and which triangles still cross others, of (m, 3).
+
+        Only beside vertices outside their cells can they: all else of a surface stays in the cells that it was drawn
+        in, where marching cubes makes no triangles that cross. Where they do vertices go back into their cells and,
+        where that is not enough, to the middles of their loops.
+        """
+        vertices, own = np.concatenate([ordinary, self.within(MAX_OUTSIDE)]), slice(len(ordinary), None)
+        rows = np.flatnonzero(self.near_strayed(vertices, triangles, vertices[own]))
+        for others in (self.within(0.0), self.middle, self.middle, None):
+            crossing = rows[find_crossings(vertices, triangles[rows])] if len(rows) else rows
+            if not len(crossing) or others is None:
+                break
+            back = np.unique(triangles[crossing])
+            back = back[back >= len(ordinary)] - len(ordinary)
+            vertices[own][back] = others[back]
+        return vertices, crossing
+
+    def near_strayed(self, vertices: FloatArray, triangles: IntArray, placed: FloatArray) -> BoolArray:
+        """Return which triangles (m,) lie in or beside a cell that a vertex on a crease has left its own for."""
+        strayed = ((placed < self.low) | (placed > self.low + self.step)).any(axis=1)
+        if not strayed.any():
+            return np.zeros(len(triangles), dtype=bool)
+        cells = np.floor(vertices / self.step).astype(np.int64)
+        near = _near(cells, len(vertices) - len(placed) + np.flatnonzero(strayed))
+        return np.asarray(near[triangles].any(axis=1))
 
 
 def _near(cells: IntArray, rows: IntArray) -> BoolArray:

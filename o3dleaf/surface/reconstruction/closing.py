@@ -35,15 +35,12 @@ ROUNDS = 3
 class Followed(NamedTuple):
     """A field, its surface, at how many places it was corrected, and whether the surface is closed as it is.
 
-    `asked` is the field with the memory of what it said where the surface was followed, in steps of a lattice; it is
-    `creased` where it has sharp creases.
+    `asked` is the field with the memory of what it said where the surface was followed.
     """
 
     field: PUInterpolant
     asked: RememberedField
     mesh: o3d.geometry.TriangleMesh
-    step: float
-    creased: bool
     places: int = 0
     closed: bool = False
 
@@ -86,7 +83,7 @@ def follow_surface(
         surface = NearSurface.of(asked, cloud, spacing)
     if around is None or not isinstance(field.local, RefittableFits):
         with drawing:
-            return Followed(field, asked, surface.mesh(), surface.step, surface.creased)
+            return Followed(field, asked, surface.mesh())
     data, known, places, looking = None, NO_SITES, 0, around
     anew, far = _everywhere, np.empty((0, 3))
     with progress.silent():
@@ -109,8 +106,7 @@ def follow_surface(
             looking = replace(looking, everywhere=False) if looking.everywhere else looking  # gaps are closed once
     with drawing:
         mesh = surface.mesh()
-    closed = not around.is_far(far, WIDE).any() and cloud.branchings is None
-    return Followed(field, asked, mesh, surface.step, surface.creased, places, closed)
+    return Followed(field, asked, mesh, places, not around.is_far(far, WIDE).any() and cloud.branchings is None)
 
 
 def _everywhere(places: FloatArray) -> BoolArray:

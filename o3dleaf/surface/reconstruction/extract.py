@@ -12,8 +12,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.checks.voxels import as_step
 from o3dleaf.core.cloud_arrays import CloudLike
-from o3dleaf.core.mesh_arrays import BoolArray, IntArray, build_mesh
-from o3dleaf.core.places import tell_middle
+from o3dleaf.core.mesh_arrays import BoolArray, build_mesh
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
 from o3dleaf.fitting.local.splines import LocalSplines
@@ -23,9 +22,7 @@ from o3dleaf.surface.cloud.noise import CLEAN
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 from o3dleaf.surface.isosurface.continuation import Continuation
-from o3dleaf.surface.isosurface.crease_edges import near_strayed
 from o3dleaf.surface.isosurface.remembered import RememberedField
-from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.reconstruction.branch_cut import cut_at_branchings
 from o3dleaf.surface.reconstruction.proximity import Mask, distance_mask
 
@@ -159,20 +156,6 @@ def least_step(point_spacing: FloatArray, noise: float = 0.0) -> float:
     """
     mean = float(np.sqrt(np.mean(np.square(point_spacing))))
     return mesh_step(mean, len(point_spacing), noise) / float(np.sqrt(MAX_UNEVEN))
-
-
-def tell_crossings(vertices: FloatArray, triangles: IntArray, step: float) -> list[str]:
-    """Return a line on the triangles that cross others, or none, of the surface of a field with creases on a lattice.
-
-    Where the field turns within a step, the vertices of creases lie beside their cells; without creases none cross.
-    """
-    rows = np.flatnonzero(near_strayed(vertices, triangles, step))
-    crossing = rows[find_crossings(vertices, triangles[rows])] if len(rows) else rows
-    if not len(crossing):
-        return []
-    place = tell_middle(vertices[triangles[crossing, 0]], vertices)
-    cause = f"{len(crossing):,} of {len(triangles):,} triangles cross others, as at {place}: creases turn within a step"
-    return [f"{cause} there; creases=False makes none, and clean_mesh(mesh, untangle=True) takes them away"]
 
 
 def _is_thin(data: OrientedCloud) -> bool:

@@ -31,7 +31,7 @@ from o3dleaf.surface.cloud.preprocess import preprocess_point_cloud
 from o3dleaf.surface.reconstruction.along_mesh import find_inverted_regions
 from o3dleaf.surface.reconstruction.attributes import interpolate_attributes
 from o3dleaf.surface.reconstruction.closing import Closed, Followed, follow_surface, surroundings, verdict
-from o3dleaf.surface.reconstruction.extract import PER_POINT, chosen_step, tell_crossings
+from o3dleaf.surface.reconstruction.extract import PER_POINT, chosen_step
 from o3dleaf.surface.reconstruction.finish import AUTO, SHOWN, field_normals, finish_mesh
 from o3dleaf.surface.reconstruction.fit import Constrain, fit_surface, surface_data
 from o3dleaf.surface.reconstruction.overshoots import Surroundings
@@ -175,12 +175,11 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         followed = follow_surface(field, around, cloud, spacing, data)
         field = followed.field
     mesh, decisions = _trimmed(followed, around, cloud, closed, trim)
-    with journal.stage("clean mesh"):
-        mesh = clean(mesh) if clean else mesh
-        vertices, triangles = mesh_arrays(mesh)
-        decisions += tell_crossings(vertices, triangles, followed.step) if followed.creased else []
     for decision in decisions:
         journal.tell(decision, CloudWarning)
+    with journal.stage("clean mesh"):
+        mesh = clean(mesh) if clean else mesh
+    vertices, _ = mesh_arrays(mesh)
     with journal.stage("carry attributes"):
         normals, carried = _carry(pcd, followed.asked, vertices, attributes)
     tensor = hasattr(pcd, "point")

@@ -264,23 +264,16 @@ def test_a_mesh_that_memory_has_no_room_for_is_refused_before_the_fit(spacing, m
     assert triangles == pytest.approx(3.0 * 4.0 / step**2, rel=MESH_NEED)
 
 
-def test_triangles_that_cross_are_told_with_their_number_and_what_makes_none():
-    """Of steep roofs that end in a step: some samples cross themselves, and every one that does says so."""
-    crossing = []
-    for seed in (0, 3):
-        x, y = np.random.default_rng(seed).uniform(size=(3_000, 2)).T
-        points = np.column_stack([x, y, np.abs(x - 0.5) * np.where(y > 0.6, 6.0, 1.8)])
-        for options in ({}, {"creases": False}):
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always")
-                mesh, _ = create_from_point_cloud_rbfpu(points, measure=None, **options)
-            found = [re.match(r"([\d,]+) of ([\d,]+) triangles cross", str(each.message)) for each in caught]
-            told = [[int(number.replace(",", "")) for number in each.groups()] for each in found if each]
-            made = o3l.mesh_report(mesh).self_intersections
-            assert told == ([[made, len(mesh.triangles)]] if made else [])
-            crossing.append(made)
-    assert any(crossing[::2])
-    assert not any(crossing[1::2])
+@pytest.mark.parametrize("seed", [0, 3])
+def test_no_triangles_cross_beside_creases(seed):
+    """Of steep roofs that end in a step: 48 and 71 did where the vertices on creases were left where planes meet."""
+    x, y = np.random.default_rng(seed).uniform(size=(3_000, 2)).T
+    points = np.column_stack([x, y, np.abs(x - 0.5) * np.where(y > 0.6, 6.0, 1.8)])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        mesh, _ = create_from_point_cloud_rbfpu(points, measure=None)
+    assert not [each for each in caught if "cross" in str(each.message)]
+    assert o3l.mesh_report(mesh).self_intersections == 0
 
 
 def test_no_surface_is_an_error():
