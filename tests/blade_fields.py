@@ -63,6 +63,7 @@ class RolledBlade(Blade):
     rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
     shift: np.ndarray = field(default_factory=lambda: np.zeros(3))
     length_unit: str | None = "mm"
+    other_pieces: np.ndarray | None = None
 
     @property
     def unit(self):

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
-from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import measure_in_words
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
@@ -18,7 +18,7 @@ from o3dleaf.leaf.blade.outline_area import places_inside
 from o3dleaf.leaf.residuals.bent_margin import BentMargin, find_bent_margin
 from o3dleaf.leaf.residuals.known_area import area_deviation
 from o3dleaf.leaf.residuals.noise import local_noise, shared_residual
-from o3dleaf.leaf.residuals.off_blade import find_feet, find_outside, measure_spacing, points_on
+from o3dleaf.leaf.residuals.off_blade import find_feet, find_outside, measure_spacing, points_on, rows_of_piece
 from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
 from o3dleaf.surface.cloud.usable_points import MIN_POINTS, usable_rows
 
@@ -53,7 +53,12 @@ class FitQuality:
     Attributes
     ----------
     plane : (n, 2) ndarray
-        (along, across) of the scan's points.
+        (along, across) of the points that are measured: the scan's or, where the blade was made of one piece that was
+        asked for, that piece's.
+    rows : (n,) ndarray of int64
+        Of these points in the scan.
+    others : int
+        Points of the scan that belong to other pieces, and count in no figure.
     distance : (n,) ndarray
         Of the points from the blade, above it > 0: the residuals, in `unit`.
     is_far, is_outside : (n,) ndarrays of bool
@@ -92,6 +97,8 @@ class FitQuality:
     """
 
     plane: FloatArray
+    rows: IntArray
+    others: int
     distance: FloatArray
     is_far: BoolArray
     is_outside: BoolArray
@@ -120,15 +127,23 @@ class FitQuality:
     @classmethod
     @checked
     def of(cls, blade: Blade, scan: CloudLike) -> "FitQuality":
-        """Measure how well a blade holds its scan.
+        """Measure how well a blade holds its scan, or the piece of it that was asked for.
 
         Parameters
         ----------
         blade : Blade
         scan : (n, 3) array_like or Open3D point cloud
+            Whole, or that piece alone.
+
+        Raises
+        ------
+        InputError
+            If fewer than ten points are none of other pieces.
             In the blade's unit.
         """
-        points = points_of(scan, "scan", least=MIN_POINTS)
+        whole = points_of(scan, "scan", least=MIN_POINTS)
+        rows = rows_of_piece(blade, whole)
+        points = whole[rows]
         places = places_inside(blade.outline, SAMPLE_COUNT)
         distortion = blade.distortion(places)
         world = points_on(blade, places)
@@ -149,6 +164,8 @@ class FitQuality:
         kept = np.abs(distance[on_it if len(on_it) else once])
         return cls(
             plane=plane,
+            rows=rows,
+            others=len(whole) - len(rows),
             distance=distance,
             is_far=is_far,
             is_outside=is_outside,
@@ -244,6 +261,7 @@ class FitQuality:
         names = ("half", "95 %", "99 %", "largest")
         return {
             "points": len(self.plane),
+            **({"others": self.others} if self.others else {}),
             "repeated": self.repeated,
             "noise": self.noise,
             "spacing": self.spacing,

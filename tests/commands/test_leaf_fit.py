@@ -10,6 +10,7 @@ from matplotlib.image import imread
 from blade_fields import RolledBlade
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.leaf import pipeline
+from o3dleaf.samples import leaf_shape, scan_leaf
 
 
 @pytest.fixture
@@ -77,3 +78,18 @@ def test_places_that_a_camera_did_not_see_are_left_out_and_told(run, scan, monke
     assert "left out: 7 points that are NaN or infinite" in result.stderr
     summary = json.loads((tmp_path / "leaf.json").read_text())
     assert summary["scan"] == {"points": len(points), "not_finite": 7}
+
+
+def test_of_a_piece_that_is_asked_for_that_piece_is_measured(run, tmp_path):
+    large, small = (
+        scan_leaf(leaf_shape("cupped", length=length, width=20), seed=0, spacing=0.9).points for length in (30, 24)
+    )
+    points = o3d.utility.Vector3dVector(np.concatenate([large, small + [0, 60, 0]]))
+    o3d.io.write_point_cloud(tmp_path / "two.ply", o3d.geometry.PointCloud(points))
+    result = run("leaf", tmp_path / "two.ply", "--piece", "2", "--fit-map", "-o", tmp_path / "leaf.ply")
+    assert result.returncode == 0, result.stderr
+    fit = json.loads((tmp_path / "leaf.json").read_text())["fit"]
+    assert (fit["points"], fit["others"], fit["warnings"]) == (len(small), len(large), [])
+    said = " ".join(result.stderr.split())
+    assert said.count("belong to other pieces") == 1
+    assert "warning" not in said

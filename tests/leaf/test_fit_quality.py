@@ -8,9 +8,13 @@ import shapely
 from scipy.spatial.transform import Rotation
 
 from blade_fields import KnownHole, KnownOutline, RolledBlade
+from o3dleaf.core.errors import InputError
+from o3dleaf.io.models.model_file import write_model
 from o3dleaf.leaf.fit_quality import FAR, MAX_OUTSIDE, MIN_FAR, FitQuality
+from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.pipeline import create_blade
 from o3dleaf.leaf.residuals.bent_margin import MAX_BENT, find_bent_margin
+from o3dleaf.leaf.saved.models import load
 from o3dleaf.samples import leaf_shape, scan_leaf
 from tolerances import (
     AREA_OF_STRIPS,
@@ -242,6 +246,40 @@ def test_the_read_out_is_json_and_a_scan_of_many_points_is_no_other():
     assert quality.residuals[0] == pytest.approx(0.6745 * 0.02, rel=NOISE_OF_NEIGHBORS)
     assert table["warnings"] == []
     assert len(quality.lines()) == 2
+
+
+def test_the_read_out_of_a_piece_is_that_of_a_scan_of_this_piece():
+    """Also of a blade that was saved, and of a scan in single precision."""
+    points, _ = BLADE.scan(SPACING, 0.2)
+    points = np.append(points, points[:200] + [0, 0, 2.0], axis=0)
+    others = BLADE.scan(SPACING, 0.2)[0] + [0.0, 3.0, 2.5]
+    blade = RolledBlade(other_pieces=others)
+    whole, alone = (FitQuality.of(blade, scan) for scan in (np.concatenate([others, points]), points))
+    assert alone.to_dict() == FitQuality.of(BLADE, points).to_dict()
+    assert whole.to_dict() == {**alone.to_dict(), "others": len(others)}
+    assert np.array_equal(whole.rows, len(others) + alone.rows)
+    single = np.concatenate([others, points]).astype(np.float32)
+    assert np.array_equal(FitQuality.of(blade, single).rows, whole.rows)
+    with pytest.raises(InputError, match=r"0 of its .* points are of the piece"):
+        FitQuality.of(blade, others)
+
+
+def test_a_piece_that_was_asked_for_is_what_its_blade_is_judged_by(tmp_path):
+    large, small = (
+        scan_leaf(leaf_shape("cupped", length=length, width=20), seed=0, spacing=0.9).points for length in (30, 24)
+    )
+    points = np.concatenate([small + [0, 60, 0], large])
+    for piece, own, other in ((1, large, small), (2, small, large)):
+        blade = create_blade(points, unit="mm", options=BladeOptions(piece=piece))
+        quality = FitQuality.of(blade, points)
+        assert len(quality.rows) == len(own)
+        assert (quality.others, quality.warnings) == (len(other), [])
+        said = [note for note in blade.notes if "other pieces" in note]
+        (line,) = said
+        assert f"piece {piece}: {len(other):,} of the scan's {len(points):,} points" in line
+        write_model(blade, tmp_path / "blade.o3l")
+        assert FitQuality.of(load(tmp_path / "blade.o3l"), points).to_dict() == quality.to_dict()
+    assert create_blade(large, unit="mm", options=BladeOptions(piece=1)).notes == create_blade(large, unit="mm").notes
 
 
 def test_a_scan_beside_the_blade_altogether_is_told():

@@ -53,10 +53,13 @@ class Blade(ABC):
         paper's, or cut along it.
     notes : tuple of str
         What of the scan was left out, cut off, filled or averaged, one line each.
+    other_pieces : (k, 3) ndarray or None
+        Where a piece of the scan was asked for, its points that belong to other ones.
     """
 
     outline: Outline
     notes: tuple[str, ...] = ()
+    other_pieces: FloatArray | None = None
     open_edges: ClassVar[OpenEdges] = "cells"
 
     @property

@@ -78,7 +78,8 @@ def build_parametric_blade(
     """
     # One open sheet near the points: passes that disagree are averaged, what lies over it is left out.
     with journal.stage("find sheet"):
-        scan, points = points, _piece_of(points, options)
+        scan = points
+        points, others, apart = _piece_of(scan, options)
         points, petiole = _part_petiole(points, options)
         points, sides = _between_sides(points, options)
         sheet = find_sheet(points, one_sheet=options.one_sheet)
@@ -106,6 +107,7 @@ def build_parametric_blade(
             margin = margin if fit is seen else _margin(fit, sheet.spacing, options.fill_holes, unit)
         margin, ends = end_before_contacts(fit.surface, margin, fit.problem.spacing)
     notes = (
+        *apart,
         *sides,
         *sheet.notes,
         *leftovers,
@@ -124,7 +126,9 @@ def build_parametric_blade(
     table = None if options.thickness is None else as_factors(options.thickness, "thickness")
     thickness = None if table is None else ThicknessMap(table, margin.bounds)
     rim = options.rim_radius
-    return ParametricBlade(surface, margin, rim_radius=rim, notes=notes, thickness=thickness, petiole=petiole.cut)
+    return ParametricBlade(
+        surface, margin, rim_radius=rim, notes=notes, thickness=thickness, petiole=petiole.cut, other_pieces=others
+    )
 
 
 class _Parted(NamedTuple):
@@ -136,11 +140,16 @@ class _Parted(NamedTuple):
     cut: Petiole | None = None
 
 
-def _piece_of(points: FloatArray, options: BladeOptions) -> FloatArray:
-    """Return the points of the piece that is asked for, all if none is."""
+def _piece_of(points: FloatArray, options: BladeOptions) -> tuple[FloatArray, FloatArray | None, tuple[str, ...]]:
+    """Return the points of the piece that is asked for, all if none is; those of the others, and a line if some are."""
     if options.piece is None:
-        return points
-    return points[find_sheet(points, piece=options.piece, one_sheet=options.one_sheet).rows]
+        return points, None, ()
+    sheet = find_sheet(points, piece=options.piece, one_sheet=options.one_sheet)
+    own, others = points[sheet.rows], points[sheet.others]
+    if not len(others):
+        return own, None, ()
+    line = f"piece {options.piece}: {len(others):,} of the scan's {len(points):,} points belong to other pieces"
+    return own, others, (f"{line}, by which the blade is not judged",)
 
 
 @contextmanager

@@ -60,6 +60,8 @@ class ParametricBlade(Blade):
     thickness : ThicknessMap or None
     petiole : Petiole or None
         What was cut off of the scan.
+    other_pieces : (k, 3) ndarray or None
+        Points of the scan that belong to other pieces than the one that was asked for, in `unit`.
     """
 
     surface: ChartSurface
@@ -68,13 +70,16 @@ class ParametricBlade(Blade):
     notes: tuple[str, ...] = ()
     thickness: ThicknessMap | None = None
     petiole: Petiole | None = None
+    other_pieces: FloatArray | None = None
 
     open_edges: ClassVar[OpenEdges] = "cut"
 
     def __post_init__(self) -> None:
-        """Refuse a rim without a radius."""
+        """Refuse a rim without a radius, and other pieces that are no points."""
         if self.rim_radius is not None:
             require_positive(self.rim_radius, "rim_radius")
+        if self.other_pieces is not None:
+            as_points(self.other_pieces, "other_pieces", dim=3)
 
     def __repr__(self) -> str:
         along, across = np.ptp(self.outline.bounds, axis=0)
@@ -88,7 +93,7 @@ class ParametricBlade(Blade):
     def state(self) -> dict[str, Any]:
         """Return what the blade is made of, for `o3dleaf.io.models.model_file`; what it may lack only where it is."""
         state = {name: getattr(self, name) for name in ("surface", "outline", "rim_radius", "notes")}
-        extras = {"thickness": self.thickness, "petiole": self.petiole}
+        extras = {name: getattr(self, name) for name in ("thickness", "petiole", "other_pieces")}
         return state | {name: extra for name, extra in extras.items() if extra is not None}
 
     @cached_property

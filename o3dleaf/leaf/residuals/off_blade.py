@@ -5,9 +5,11 @@ import shapely
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.surface.cloud.usable_points import MIN_POINTS, REPEATED
 
 MAX_UNEVENNESS = 3.0
 """Times the mean spacing that the median one is at most: of a scan that lies elsewhere it would be anything."""
@@ -18,6 +20,21 @@ NEIGHBORS = 8
 def points_on(blade: Blade, plane: FloatArray) -> FloatArray:
     """Return the points of a blade (n, 3) at (n, 2) places."""
     return blade.lift(np.column_stack([plane, np.zeros(len(plane))]))
+
+
+def rows_of_piece(blade: Blade, points: FloatArray) -> IntArray:
+    """Return the rows of the points that the blade does not know as other pieces' of its scan: all if it knows none."""
+    if blade.other_pieces is None:
+        return np.arange(len(points))
+    tree = cKDTree(blade.other_pieces)
+    apart = float(np.median(query(tree, blade.other_pieces, k=[2])[0]))
+    rows = np.flatnonzero(query(tree, points)[0] > REPEATED * apart)
+    if len(rows) < MIN_POINTS:
+        raise InputError(
+            f"scan: {len(rows)} of its {len(points):,} points are of the piece that the blade was made of; give the "
+            "whole scan, or that piece"
+        )
+    return rows
 
 
 def find_feet(

@@ -13,6 +13,7 @@ from o3dleaf.fitting.local.potentials import LocalPotentials
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
 from o3dleaf.leaf.macro.frame import LeafFrame
+from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.leaf.parametric.splines import VectorSplines
 from o3dleaf.leaf.parametric.thickness import ThicknessMap
 from o3dleaf.leaf.saved.array_kinds import Array, Sizes, floats, rising, whole
@@ -75,6 +76,7 @@ ARRAYS: dict[type, dict[str, Array]] = {
         "open_lids": floats("2"),
     },
     ThinnedField: {"shares": floats("p", "q"), "box": floats("2", "2")},
+    ParametricBlade: {"other_pieces": floats("n", "3", optional=True)},
     ThicknessMap: {"factors": floats("n", "m"), "bounds": floats("2", "2")},
     LocalPolynomials: {"tails": floats("k", "q"), "exponents": EXPONENTS, "ranks": whole("k")},
     LocalPotentials: {

@@ -1,6 +1,6 @@
 """From any scan of a leaf to one open sheet: a mesh without handles, averaged where the scan is no sheet."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -81,6 +81,8 @@ class OpenSheet:
         What was averaged or cut: one line each, with how much and where.
     leftovers : Leftovers or None
         What was left out; None of a sheet that is not the largest of its scan.
+    others : (k,) ndarray of int64
+        Where a piece was asked for, the points of the scan that belong to other ones.
     """
 
     vertices: FloatArray
@@ -90,6 +92,7 @@ class OpenSheet:
     scale: float
     notes: tuple[str, ...]
     leftovers: Leftovers | None = None
+    others: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
 
 
 def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool = True) -> OpenSheet:
@@ -128,15 +131,17 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
         try:
             found, resting = _sheet_of(scan, used, one_sheet=one_sheet)
         except ReconstructionError as cause:
-            return _sheet_of(scan, _piece_apart(scan, used, piece, cause), one_sheet=one_sheet)[0]
+            apart, number = _pieces_apart(scan, used, piece, cause)
+            return _sheet_of_piece(apart, number, one_sheet=one_sheet)
         found = _with_strays(found, scan, used)
         parts, notes = _parts(scan, found, resting)
         leftovers = Leftovers.of(scan, found.rows, found.vertices, found.triangles, found.spacing, parts)
-        if piece is None or (piece == 1 and not parts):
-            if resting is not None:
-                notes = (resting.tell(found.rows, leftovers.listed()),)
-            return replace(found, leftovers=leftovers, notes=(*found.notes, *notes))
-        return _sheet_of(scan, leftovers.piece(piece), one_sheet=one_sheet)[0]
+        if piece is not None and (piece > 1 or parts):
+            return _sheet_of_piece(leftovers, piece, one_sheet=one_sheet)
+        if resting is not None:
+            notes = (resting.tell(found.rows, leftovers.listed()),)
+        others = found.others if piece is None else leftovers.others(piece)
+        return replace(found, leftovers=leftovers, notes=(*found.notes, *notes), others=others)
 
 
 class _Solved(NamedTuple):
@@ -153,8 +158,16 @@ class _Solved(NamedTuple):
     resting: Resting | None = None
 
 
-def _piece_apart(scan: FloatArray, used: IntArray, piece: int | None, cause: ReconstructionError) -> IntArray:
-    """Return the rows of a piece that is apart from all others, where the largest makes no sheet; or raise the cause.
+def _sheet_of_piece(pieces: Leftovers, number: int, *, one_sheet: bool) -> OpenSheet:
+    """Return the sheet of the N-th piece of a scan."""
+    sheet, _ = _sheet_of(pieces.scan, pieces.piece(number), one_sheet=one_sheet)
+    return replace(sheet, others=pieces.others(number))
+
+
+def _pieces_apart(
+    scan: FloatArray, used: IntArray, piece: int | None, cause: ReconstructionError
+) -> tuple[Leftovers, int]:
+    """Return the pieces that are apart, and the number of one, where the largest makes no sheet; or raise the cause.
 
     Where none was asked for the refusal names them: what has no sheet may be a pot, and the leaf another piece.
     """
@@ -163,7 +176,7 @@ def _piece_apart(scan: FloatArray, used: IntArray, piece: int | None, cause: Rec
         raise cause
     if piece is None:
         raise apart.named_in(cause) from cause
-    return apart.piece(piece)
+    return apart, piece
 
 
 def _parts(scan: FloatArray, sheet: OpenSheet, resting: Resting | None) -> tuple[tuple[IntArray, ...], tuple[str, ...]]:

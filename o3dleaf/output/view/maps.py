@@ -161,6 +161,7 @@ def render_residuals(
     file = None if path is None else require_writable(path, SUFFIXES)
     points = points_of(scan, "scan", least=3)
     held = FitQuality.of(blade, points) if fit is None else fit
+    points = points[held.rows]
     world, triangles = _drawn(blade, spacing)
     shown = _on_plane(blade.flatten(world)[:, :2]) if flat else world
     dots = _on_plane(held.plane) if flat else points

@@ -143,10 +143,26 @@ def test_pieces_are_told_by_number_size_and_place_and_taken_by_number():
     assert np.linalg.norm(np.array(_place(told[-1], "at")) - np.median(small, axis=0)) < 3
     second = find_sheet(points, piece=2)
     assert second.rows.max() < len(small)
+    assert not len(sheet.others)
     with pytest.raises(ReconstructionError, match="has 2: "):
         find_sheet(points, piece=3)
     with pytest.raises(InputError, match="count pieces from 1"):
         find_sheet(points, piece=0)
+
+
+def test_a_point_belongs_to_the_nearest_piece_whether_that_holds_it_or_not():
+    large, small = scan(flat, 6, 60.0, 20.0), scan(flat, 7, 20.0, 10.0) + [5, 40, 0]
+    few = np.random.default_rng(8).normal(0, 0.1, (10, 3))
+    points = np.concatenate([small, large, few + [15, 20, 0], few + [15, 28, 0]])
+    of_small = np.r_[0 : len(small), len(points) - len(few) : len(points)]
+    assert np.array_equal(find_sheet(points, piece=1).others, of_small)
+    assert np.array_equal(find_sheet(points, piece=2).others, np.setdiff1d(np.arange(len(points)), of_small))
+
+
+def test_where_the_largest_piece_has_no_sheet_its_points_are_another_pieces():
+    rng = np.random.default_rng(9)
+    ball, leaf = unit(rng.normal(size=(3, 2000))) * 8, scan(flat, 7, 20.0, 10.0) + [30, 0, 0]
+    assert np.array_equal(find_sheet(np.concatenate([ball, leaf]), piece=2).others, np.arange(len(ball)))
 
 
 def test_what_a_sheet_holds_after_all_is_not_told_as_left_out():

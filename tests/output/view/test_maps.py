@@ -1,5 +1,7 @@
 """Maps show the distortion where it is, in colors that are symmetric about none, and what is not held where that is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
@@ -86,6 +88,10 @@ def test_flat_signed_and_given_maps_are_drawn(held, tmp_path):
     for other in ({"flat": True}, {"signed": True}):
         assert not np.array_equal(page, render_residuals(blade, scan, spacing=1.0, size=SIZE, **other))
     assert np.array_equal(np.round(imread(tmp_path / "fit.png")[:, :, :3] * 255).astype(np.uint8), page)
+    others = scan + [0, 0, 30.0]
+    of_piece = replace(blade, other_pieces=others)
+    both = render_residuals(of_piece, np.concatenate([others, scan]), flat=True, signed=True, spacing=1.0, size=SIZE)
+    assert np.array_equal(both, page)
     away = render_residuals(blade, scan + [0, 0, 500.0], size=SIZE, spacing=1.0)
     assert away.shape == page.shape
     with pytest.raises(InputError, match="suffix"):

@@ -9,6 +9,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.places import tell_middle, tell_place
+from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.sheet.widths import Passes
 from o3dleaf.surface.mesh.deviation import nearest_on_mesh
@@ -103,6 +104,13 @@ class Leftovers:
             places = np.array([np.median(self.scan[rows], axis=0) for rows in pieces])
             raise ReconstructionError(f"piece: is {number}, but the scan has {self.listed()}", places)
         return pieces[number - 1]
+
+    def others(self, number: int) -> IntArray:
+        """Return the rows of what belongs to other pieces than the N-th; a point of no piece is of the nearest one."""
+        pieces = self.pieces
+        of_piece = np.repeat(np.arange(1, len(pieces) + 1), [len(rows) for rows in pieces])
+        nearest = query(cKDTree(self.scan[np.concatenate(pieces)]), self.scan)[1]
+        return np.flatnonzero(of_piece[nearest] != number)
 
     @property
     def pieces(self) -> tuple[IntArray, ...]:
