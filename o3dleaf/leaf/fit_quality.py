@@ -133,13 +133,12 @@ class FitQuality:
         ----------
         blade : Blade
         scan : (n, 3) array_like or Open3D point cloud
-            Whole, or that piece alone.
+            Whole, or that piece alone, in the blade's unit.
 
         Raises
         ------
         InputError
-            If fewer than ten points are none of other pieces.
-            In the blade's unit.
+            If fewer than ten points belong to the piece that the blade was made of.
         """
         whole = points_of(scan, "scan", least=MIN_POINTS)
         rows = rows_of_piece(blade, whole)
