@@ -111,8 +111,8 @@ def test_what_steps_from_a_leaf_to_the_ground_is_refused_with_its_place(monkeypa
 
 def test_a_leaf_scanned_with_its_table_is_refused_at_once_and_its_piece_is_the_leaf(monkeypatch):
     """One spacing above it: more smoothing would not make one surface of both, and is not tried."""
-    leaf, step = o3l.samples.leaf_shape("eaten", length=40, width=16), 0.8
-    points = o3l.samples.scan_leaf(leaf, seed=0, spacing=step).points
+    step = 0.8
+    points = o3l.samples.scan_leaf(o3l.samples.leaf_shape("eaten", length=40, width=16), seed=0, spacing=step).points
     points = points - [*points[:, :2].mean(axis=0), points[:, 2].min() - step]
     reach = np.abs(points[:, :2]).max(axis=0) * 2
     plane = np.random.default_rng(1).uniform(-reach, reach, (int(4 * reach.prod() / step**2), 2))
@@ -128,8 +128,10 @@ def test_a_leaf_scanned_with_its_table_is_refused_at_once_and_its_piece_is_the_l
     assert len(settled) == 1
     assert "pieces are 2: 1: " in str(refusal.value)
     assert (np.abs(refusal.value.places[:, :2]) <= reach + step).all()
-    blade = o3l.create_blade(scan, unit="mm", options=o3l.BladeOptions(piece=2))
-    assert blade.outline.area == pytest.approx(leaf.area, rel=tol.AREA_OF_A_PIECE)
+    blade, alone = (
+        o3l.create_blade(each, unit="mm", options=BladeOptions(piece=k)) for each, k in ((scan, 2), (points, 1))
+    )
+    assert blade.outline.area == pytest.approx(alone.outline.area, rel=tol.AREA_OF_A_PIECE)
 
 
 @pytest.mark.parametrize("noise", [0.2, 0.5])
