@@ -1177,6 +1177,9 @@ MIDDLE_OF_SIDES = 0.25
 """Spacings, on the mean, between a surface through both sides of a leaf 2.4 spacings thick and its middle."""
 AREA_OF_SIDES = 0.02
 """Of the area of such a leaf; a surface that jumped from one side to the other had 0.1 more."""
+AREA_OF_A_PIECE = 0.05
+"""Of the area of a leaf's blade, by which that of the piece of a scan with a table may be off: a few points where they
+nearly touch are the table's. Found 0.014; the table alone is three times as large."""
 DISTANCE_OF_SIDES = 0.05
 """Of how far apart the sides of a leaf are that is curved with a radius of ten to thirty times that."""
 MOVED_TO_MIDDLE = 0.5

@@ -23,6 +23,7 @@ WORST = (0.5, 2.0)
 WORST_SHARE = 0.01
 """Of the area, beyond `WORST`, that is refused: less is a fold of a few triangles at a rough margin."""
 BAG = "it is closed there like a bag or a tube, not a blade; cut the scan there, or reconstruct it without a chart"
+STEPPED = "it steps there from one thing to another, a leaf and what lies under or beside it; cut those apart"
 OVERLAP = 1e-3
 """Share of the area that may lie twice in the chart: the banks of a slit that close over each other by a hair."""
 
@@ -120,11 +121,20 @@ def _far(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> tuple[
 
 
 def require_low_distortion(
-    vertices: FloatArray, triangles: IntArray, chart: FloatArray, most: float = WORST_SHARE, why: str = BAG
+    vertices: FloatArray,
+    triangles: IntArray,
+    chart: FloatArray,
+    most: float = WORST_SHARE,
+    why: str = BAG,
+    sheet: FloatArray | None = None,
 ) -> None:
-    """Raise `ReconstructionError` if more than a share of the area is stretched beyond `WORST` in a chart; with why."""
+    """Raise `ReconstructionError` if more than a share of the area is stretched beyond `WORST` in a chart; with why.
+
+    Places are those of the vertices (n, 3), or of the same vertices on a `sheet` that a wild surface was fitted to.
+    """
     weight, share = _far(vertices, triangles, chart)
     if share > most:
+        vertices = vertices if sheet is None else sheet
         raise ReconstructionError(
             f"chart: {100 * share:.2g} % of the sheet would be stretched below {WORST[0]:g} or above {WORST[1]:g} when "
             f"laid flat, most at {_place(vertices, triangles, int(np.argmax(weight)))}: {why}",

@@ -14,7 +14,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.units import tell_length
-from o3dleaf.leaf.chart.flatten import require_low_distortion
+from o3dleaf.leaf.chart.flatten import STEPPED, require_low_distortion
 from o3dleaf.leaf.chart.petiole import Petiole, find_petiole
 from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
 from o3dleaf.leaf.margin.margin import Margin
@@ -53,7 +53,6 @@ MAX_STRETCHED = 0.1
 a leaf and what it rests on. Of scans that fold over themselves in places it is half of that."""
 HIDDEN_LENGTH, HIDDEN_AREA = 0.1, 0.01
 """Of the midrib's length and of the blade's area: halves that differ in less are not told."""
-STEPPED = "it steps there from one thing to another, a leaf and what lies under or beside it; cut those apart"
 ROUNDING = 1e-6
 """Relative difference of distances to a sheet and to a part of it that is none."""
 
@@ -90,9 +89,9 @@ def build_parametric_blade(
     with journal.stage("fit surface"):
         rows = _rows_of_blade(points, sheet, chart)
         mesh = ChartMesh(chart.vertices, chart.triangles, chart.uv)
-        fit = fit_chart_surface(points[rows], mesh, smoothing=options.smoothing, unit=unit)
-        laid = fit.mesh
         with _pieces_named(scan, sheet, options):
+            fit = fit_chart_surface(points[rows], mesh, smoothing=options.smoothing, unit=unit)
+            laid = fit.mesh
             require_low_distortion(laid.vertices, laid.triangles, laid.chart, MAX_STRETCHED, STEPPED)
         fit, leftovers = _with_tips(fit, points, sheet)
     # Where the leaf ends: a smooth closed curve in the chart, past the outermost points.

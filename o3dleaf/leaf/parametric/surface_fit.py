@@ -17,6 +17,7 @@ from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.chart.carry import carry_chart
+from o3dleaf.leaf.chart.flatten import STEPPED, require_low_distortion
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.untangle import untangle
 from o3dleaf.leaf.margin.margin import Margin, carry_margin
@@ -41,6 +42,9 @@ STIFFER = 4.0
 """Factor of the smoothing from one fit to the next where the surface is folded: the bandwidth's is its fifth root."""
 MAX_RAISES = 4
 """Fits with more smoothing at most: the bandwidth has then become three times as wide."""
+MAX_STRETCHED = 0.5
+"""Share of a folded surface that may be stretched below a half or above twice, for more smoothing to be tried: if most
+of it is, no fold is what is wrong."""
 COARSER = 1.4
 """Side in spacings of the triangles on which a finished surface is relaxed: half as many vertices as points. Through
 these the surface is the same to a few thousandths of a spacing, as its smoothing leaves nothing finer."""
@@ -65,6 +69,11 @@ def fit_chart_surface(
     smoothing : "robust", float or "gcv"
         As in `HeightMap.fit`: of the distances from a smooth surface through the points.
     unit : str, optional
+
+    Raises
+    ------
+    ReconstructionError
+        If the surface is folded and most of it is stretched beyond one half or twice; with the place.
     """
     first, choosing, fitting = progress.split(1, 20, 6)
     sites = thin(points, MAX_POINTS).points
@@ -185,12 +194,15 @@ def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -
     """Return the surface with as little more smoothing as leaves no fold between points of the scan, and a note.
 
     Each begins at the first sheet, not at a folded one. A smoothing that was asked for by its number is kept. If
-    folds stay, it is the surface of the least tight ones.
+    folds stay, it is the surface of the least tight ones. Of what is stretched for the most part none is tried: see
+    `MAX_STRETCHED`.
     """
     settled = _settle(problem, mesh, near)
     first = fold = settled.fold
     if first is None or problem.choice is None:
         return settled, ()
+    laid = settled.mesh
+    require_low_distortion(laid.vertices, laid.triangles, laid.chart, MAX_STRETCHED, STEPPED, mesh.vertices)
     raised, best, radius = 1.0, settled, first.radius
     for raises in range(1, MAX_RAISES + 1):
         settled = _settle(replace(problem, smoothing=STIFFER**raises * problem.smoothing), mesh, near)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial import Delaunay
+from scipy.spatial import Delaunay, cKDTree
 
 import o3dleaf as o3l
 import tolerances as tol
@@ -14,7 +14,7 @@ from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.outline_area import places_inside
 from o3dleaf.leaf.fit_quality import MAX_OUTSIDE, FitQuality
 from o3dleaf.leaf.options import BladeOptions
-from o3dleaf.leaf.parametric import build
+from o3dleaf.leaf.parametric import build, surface_fit
 from o3dleaf.leaf.parametric.build import fit_noise
 from o3dleaf.leaf.parametric.fitted import ChartMesh
 from o3dleaf.leaf.parametric.surface_fit import fit_chart_surface
@@ -104,9 +104,34 @@ def test_what_steps_from_a_leaf_to_the_ground_is_refused_with_its_place(monkeypa
         return replace(fit, mesh=replace(fit.mesh, vertices=stretched))
 
     monkeypatch.setattr(build, "fit_chart_surface", torn)
-    with pytest.raises(ReconstructionError, match="steps there from one thing to another") as refusal:
+    with pytest.raises(ReconstructionError, match=r"steps there from one thing to another") as refusal:
         o3l.create_blade(points, unit="mm")
     assert len(refusal.value.places)
+
+
+def test_a_leaf_scanned_with_its_table_is_refused_at_once_and_its_piece_is_the_leaf(monkeypatch):
+    """One spacing above it: more smoothing would not make one surface of both, and is not tried."""
+    step = 0.8
+    points = o3l.samples.scan_leaf(o3l.samples.leaf_shape("eaten", length=40, width=16), seed=0, spacing=step).points
+    points = points - [*points[:, :2].mean(axis=0), points[:, 2].min() - step]
+    reach = np.abs(points[:, :2]).max(axis=0) * 2
+    plane = np.random.default_rng(1).uniform(-reach, reach, (int(4 * reach.prod() / step**2), 2))
+    seen = plane[cKDTree(points[:, :2]).query(plane)[0] > step]
+    scan = np.concatenate([points, np.column_stack([seen, np.zeros(len(seen))])])
+    settled = []
+    settle = surface_fit._settle
+    monkeypatch.setattr(surface_fit, "_settle", lambda *given: settled.append(given) or settle(*given))
+    with pytest.raises(
+        ReconstructionError, match=r"steps there from one thing .*; give `piece` to take one"
+    ) as refusal:
+        o3l.create_blade(scan, unit="mm")
+    assert len(settled) == 1
+    assert "pieces are 2: 1: " in str(refusal.value)
+    assert (np.abs(refusal.value.places[:, :2]) <= reach + step).all()
+    blade, alone = (
+        o3l.create_blade(each, unit="mm", options=BladeOptions(piece=k)) for each, k in ((scan, 2), (points, 1))
+    )
+    assert blade.outline.area == pytest.approx(alone.outline.area, rel=tol.AREA_OF_A_PIECE)
 
 
 @pytest.mark.parametrize("noise", [0.2, 0.5])
