@@ -104,6 +104,7 @@ class Margin:
         The triangles that the sample covers (`cover_sample`) are smoothed along their border and grown by what a
         sample leaves out there (`missing_area`), less what noise has added; sharp tips are found. For a random
         sample the curve then moves to where it is most likely (`fit_edge`), and the flanks of tips are continued.
+        A border that a mesh's vertices trace is the margin itself (`border_of`).
 
         Parameters
         ----------
@@ -198,11 +199,13 @@ def _rings(region: SampleRegion, local: Spacing, noise: float) -> list[FloatArra
         union = shapely.union_all(triangles)
     fuse = FUSE * float(np.median(region.spacing))
     covered = shapely.orient_polygons(largest(union.buffer(fuse, join_style="mitre")))
+    if region.traced:
+        covered, fuse = shapely.orient_polygons(largest(covered.buffer(-fuse, join_style="mitre"))), 0.0
     rings = [covered.exterior, *covered.interiors]
     cut = np.flatnonzero(region.missing)
     owner = _owners(rings, region.points[cut])
     filled = shapely.multipolygons(shapely.polygons(region.points[region.filled]))
-    sample = EdgeSample(local, noise, region.randomness, filled)
+    sample = EdgeSample(local, noise, 0.0 if region.traced else region.randomness, filled)
 
     def area_of(number: int) -> shapely.Polygon:
         own = cut[owner == number]
@@ -283,6 +286,8 @@ def _notes(region: SampleRegion, holes: list[Hole]) -> tuple[str, ...]:
         said = f"holes no wider than chance leaves between points, {len(narrow)} of up to {tell_length(max(narrow))}"
         fill = f"fill_holes {ROOM * max(narrow):.3g} would fill them"
         notes.append(f"{said}: tears, or slits that the scanner left; {fill}")
+    if region.border is not None and region.border.smooth:
+        notes.append(region.border.note(float(region.missing.sum() / (region.spacing**2).sum())))
     if region.bridged:
         notes.append(f"{region.bridged + 1} pieces of the scan were joined over gaps wider than the scan's own")
     if len(region.left_out) > TOLD * len(region.points):

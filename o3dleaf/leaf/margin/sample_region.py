@@ -22,6 +22,7 @@ from o3dleaf.leaf.margin.sample_spacing import (
     spacing_between,
 )
 from o3dleaf.leaf.margin.sample_triangles import Triangulation, inner_points, triangulate
+from o3dleaf.leaf.margin.traced_border import Border, border_of
 
 USUAL = 0.9
 """Share of the triangles within a sample that say how long sides are: 1.5 spacings in a lattice, 2.1 by chance."""
@@ -63,9 +64,11 @@ class SampleRegion:
     spacing : (n,) ndarray
         Square root of the area that a point stands for.
     missing : (n,) ndarray
-        Area of the leaf beyond the triangles at each point of their border; 0 for the others.
+        Area of the leaf beyond the triangles at each point of their border; 0 for the others, and where it is traced.
     randomness : float
         From 0, a lattice, to 1, independent points.
+    border : Border or None
+        How the border runs: a mesh's vertices trace the margin.
     bridged : int
         Number of pieces that were joined over gaps wider than chance.
     widest : float
@@ -82,10 +85,16 @@ class SampleRegion:
     spacing: FloatArray
     missing: FloatArray
     randomness: float
+    border: Border | None
     bridged: int
     widest: float
     left_out: IntArray
     void: float
+
+    @property
+    def traced(self) -> bool:
+        """Whether the border's points were set on the margin itself."""
+        return self.border is not None and self.border.traced
 
 
 def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
@@ -118,10 +127,13 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
     left_out = np.setdiff1d(np.arange(len(points)), mesh.triangles[kept])
     random = _randomness(mesh, kept, deep, spacing)
-    missing = missing_area(mesh, kept, spacing, random, LONG * short)
+    border = border_of(mesh, kept, deep, spacing)
+    missing = np.zeros(len(points))
+    if border is None or not border.traced:
+        missing = missing_area(mesh, kept, spacing, random, LONG * short)
     triangles, filled = mesh.triangles[kept], mesh.triangles[kept & ~covered]
     void = VOID * short * float(np.median(spacing))
-    return SampleRegion(points, triangles, filled, spacing, missing, random, bridged, widest, left_out, void)
+    return SampleRegion(points, triangles, filled, spacing, missing, random, border, bridged, widest, left_out, void)
 
 
 def _randomness(mesh: Triangulation, kept: BoolArray, deep: BoolArray, spacing: FloatArray) -> float:

@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+import shapely
+
+import planar_leaves as leaves
+from o3dleaf.leaf.margin.margin import Margin
+from o3dleaf.leaf.margin.sample_region import cover_sample
+from tolerances import TRACED_AREA
+
+SHAPES = {"ellipse": leaves.ellipse(), "lobed": leaves.lobed(), "eaten": leaves.eaten(6)}
+
+
+def vertices(leaf, count, dense, inside=leaves.lattice):
+    """A sample of the inside, and points along the margin, `dense` times as close as points inside."""
+    spacing, rng = np.sqrt(leaf.area / count), np.random.default_rng(5)
+    deep = inside(leaf.buffer(-0.5 * spacing), count, rng)
+    rings = (leaf.exterior, *leaf.interiors)
+    rim = [ring.interpolate(np.arange(0, ring.length - spacing / dense / 2, spacing / dense)) for ring in rings]
+    return np.unique(np.vstack([deep, shapely.get_coordinates(np.concatenate(rim))]), axis=0)
+
+
+@pytest.mark.parametrize("inside", [leaves.lattice, leaves.uniform])
+@pytest.mark.parametrize("dense", [1, 3])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_margin_that_vertices_trace_is_the_margin(shape, dense, inside):
+    leaf = SHAPES[shape]
+    margin = Margin.fit(vertices(leaf, 1500, dense, inside))
+    assert margin.area == pytest.approx(leaf.area, rel=TRACED_AREA)
+    assert any("the margin runs through them" in note for note in margin.notes)
+
+
+@pytest.mark.parametrize("sampler", leaves.SAMPLERS)
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("seed", range(3))
+def test_no_sample_that_a_margin_cuts_is_taken_for_traced(shape, sampler, seed):
+    points = leaves.SAMPLERS[sampler](SHAPES[shape], 800, np.random.default_rng(seed))
+    assert not cover_sample(points).traced
+
+
+def test_a_lattice_along_the_margin_is_grown_and_told():
+    """Its border is as smooth as a mesh's; so are the rows inside."""
+    points = np.stack(np.meshgrid(np.arange(30.0), np.arange(20.0)), axis=-1).reshape(-1, 2)
+    margin = Margin.fit(points)
+    assert margin.area == pytest.approx(600, rel=0.02)
+    assert any("half a cell each" in note for note in margin.notes)
