@@ -129,7 +129,7 @@ def _build_texture(volume: Volume, options: TextureOptions) -> TiledField | Wang
         patch = find_patch(volume, level, transform)
         hairs = find_cut_hairs(volume.crop(patch.within) if patch.cut else volume, level)
         bend = find_bend(volume, level)
-        told = patch.cut
+        told = [*patch.cut]
         if bend.prevails:
             told.append(f"{bend}, and every tile repeats it; remove_bend (--remove-bend) straightens it")
         elif hairs.count:  # which are told from the blade by its plane

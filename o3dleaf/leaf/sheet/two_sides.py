@@ -34,7 +34,7 @@ LESSER = 0.075
 MOST = 0.5
 """Share of the places that have two sides from which on the scan is one of both sides."""
 NEARLY = 0.9
-"""Share of the most places told, from which on fewer points around them do: the leaf bends less there."""
+"""Share of the most two-sided places, from which on fewer points around places do: the leaf bends less there."""
 TRIED = 400
 """Places at which sides are sought first."""
 MAX_PLACES = 5_000
@@ -74,15 +74,15 @@ class _Places(NamedTuple):
     """Two parallel quadrics at places of a cloud.
 
     Origins (m, 3); axes (m, 3, 3), in columns the normal and two tangents; radii (m,); coefficients (m, 7) over 1, x,
-    y, x², xy, y² of tangential coordinates in radii, and the height of the upper one over the lower; which are `told`
-    (m,) as two sides.
+    y, x², xy, y² of tangential coordinates in radii, and the height of the upper one over the lower; which are
+    `two_sided` (m,).
     """
 
     origin: FloatArray
     axes: FloatArray
     radius: FloatArray
     coefficients: FloatArray
-    told: BoolArray
+    two_sided: BoolArray
 
     @property
     def apart(self) -> FloatArray:
@@ -92,7 +92,7 @@ class _Places(NamedTuple):
     def only(self, chosen: BoolArray) -> "_Places":
         """Return some (m,) of the places."""
         kept = (self.origin[chosen], self.axes[chosen], self.radius[chosen], self.coefficients[chosen])
-        return _Places(*kept, self.told[chosen])
+        return _Places(*kept, self.two_sided[chosen])
 
 
 def find_both_sides(points: FloatArray) -> BothSides | None:
@@ -110,23 +110,23 @@ def find_both_sides(points: FloatArray) -> BothSides | None:
         return None
     tree, rows = cKDTree(points), even_rows(len(points), TRIED)
     tried = [_fit_places(points, tree, rows, min(count, len(points))) for count in NEAREST]
-    shares = np.array([np.mean(places.told) for places in tried])
+    shares = np.array([np.mean(places.two_sided) for places in tried])
     if shares.max() < MOST:
         return None
     best = int(np.argmax(shares >= NEARLY * shares.max()))
-    if _is_folded(points, float(np.median(tried[best].apart[tried[best].told]))):
+    if _is_folded(points, float(np.median(tried[best].apart[tried[best].two_sided]))):
         return None
     rows = even_rows(len(points), MAX_PLACES)
     places = _fit_places(points, tree, rows, min(NEAREST[best], len(points)))
-    told = places.only(places.told)
-    return BothSides(_moved(points, told), float(np.median(told.apart)), float(shares[best]))
+    double = places.only(places.two_sided)
+    return BothSides(_moved(points, double), float(np.median(double.apart)), float(shares[best]))
 
 
 def _fit_places(points: FloatArray, tree: cKDTree, rows: IntArray, count: int) -> _Places:
     """Return two quadrics at each of some points, by the `count` nearest."""
     parts = [_fit_some(points, tree, rows[i:j], count) for i, j in blocks(len(rows), BATCH_SIZE)]
     origin, axes, radius, coefficients = (np.concatenate([part[i] for part in parts]) for i in range(4))
-    return _Places(origin, axes, radius, coefficients, np.concatenate([part.told for part in parts]))
+    return _Places(origin, axes, radius, coefficients, np.concatenate([part.two_sided for part in parts]))
 
 
 def _fit_some(points: FloatArray, tree: cKDTree, rows: IntArray, count: int) -> _Places:
@@ -148,10 +148,10 @@ def _fit_some(points: FloatArray, tree: cKDTree, rows: IntArray, count: int) -> 
         over = rest + both[..., 6] * coefficients[:, 6:]
         upper = np.abs(over) > np.abs(over - coefficients[:, 6:])
     sides = upper.astype(np.float64)
-    told = (rest**2).sum(axis=1) <= BETWEEN * (left**2).sum(axis=1)
-    told &= np.minimum(sides.mean(axis=1), 1 - sides.mean(axis=1)) >= LESSER
-    told &= np.abs(coefficients[:, 6]) >= APART * radius * np.sqrt(np.pi / SEEN)
-    return _Places(points[rows], axes, radius, coefficients, told)
+    two_sided = (rest**2).sum(axis=1) <= BETWEEN * (left**2).sum(axis=1)
+    two_sided &= np.minimum(sides.mean(axis=1), 1 - sides.mean(axis=1)) >= LESSER
+    two_sided &= np.abs(coefficients[:, 6]) >= APART * radius * np.sqrt(np.pi / SEEN)
+    return _Places(points[rows], axes, radius, coefficients, two_sided)
 
 
 def _quadric(place: FloatArray) -> FloatArray:
