@@ -116,18 +116,18 @@ def _frames(normals: FloatArray) -> FloatArray:
 
 
 def _both_seen(points: FloatArray, first: BoolArray, rows: IntArray, spacing: float) -> bool:
-    """Return whether each of two sheets has its points around `rows` (k,) as dense as they are elsewhere."""
+    """Return whether each of two sheets has its points around `rows` (k,) as dense as its own are elsewhere."""
     elsewhere = np.setdiff1d(np.arange(len(points)), rows)
     if not len(rows) or not len(elsewhere):
         return False
-    usual = _neighbors(points, points[elsewhere], spacing)
     return all(
-        _neighbors(points[first == own], points[rows[first[rows] == own]], spacing) >= BOTH * usual
+        count_neighbors(points[first == own], points[rows[first[rows] == own]], spacing)
+        >= BOTH * count_neighbors(points[first == own], points[elsewhere[first[elsewhere] == own]], spacing)
         for own in (True, False)
     )
 
 
-def _neighbors(points: FloatArray, places: FloatArray, spacing: float) -> float:
+def count_neighbors(points: FloatArray, places: FloatArray, spacing: float) -> float:
     """Return the median number of points around places, 0 of no places."""
     if not len(places):
         return 0.0
