@@ -25,17 +25,17 @@ ARM = 1.5
 """Length of the rim around an arm over the arm's width at least."""
 
 
-class Arms(NamedTuple):
+class LeafArms(NamedTuple):
     """Which arm each vertex (v,) is of, 0 to 3 around the rim, and -1 where they meet, and how long the shortest is.
 
-    Arms 0 and 2 are one leaf, 1 and 3 the other. The length is that of the rim around an arm, over the arm's width.
+    LeafArms 0 and 2 are one leaf, 1 and 3 the other. The length is that of the rim around an arm, over the arm's width.
     """
 
     arm: IntArray
     long: float
 
 
-def find_arms(vertices: FloatArray, triangles: IntArray) -> Arms | None:
+def find_arms(vertices: FloatArray, triangles: IntArray) -> LeafArms | None:
     """Return the arms of two leaves that cross, or None of a sheet whose rim is not theirs.
 
     Where two leaves cross the rim of both together turns inward at four corners. Of each two neighbors the margin that
@@ -67,7 +67,7 @@ def find_arms(vertices: FloatArray, triangles: IntArray) -> Arms | None:
     after = np.roll(four, -1)
     margins = np.column_stack([out[four, after], back[four, after]])
     arm = _arms(vertices, edges, rows, rim.row[margins])
-    return None if arm is None else Arms(arm, float(rim.lengths(margins).min()))
+    return None if arm is None else LeafArms(arm, float(rim.lengths(margins).min()))
 
 
 class _Rim(NamedTuple):
@@ -164,7 +164,7 @@ def _least_cycle(bends: FloatArray) -> IntArray | None:
         between[one] = both.argmin(axis=0)
         least[one] = both[between[one], every]
     worst = np.maximum(least, least.T)
-    one, other = np.unravel_index(int(worst.argmin()), worst.shape)
+    one, other = divmod(int(worst.argmin()), count)
     if not np.isfinite(worst[one, other]):
         return None
     return np.array([one, between[one, other], other, between[other, one]])
@@ -183,7 +183,7 @@ def _arms(vertices: FloatArray, edges: EdgeTable, rim: IntArray, margins: IntArr
             cut[vertex] = True
             vertex = int(before[vertex])
     kept = ~cut[ends].any(axis=1)
-    part = label_nodes(*(np.ascontiguousarray(each) for each in ends[kept].T), count)
+    part = label_nodes(np.ascontiguousarray(ends[kept, 0]), np.ascontiguousarray(ends[kept, 1]), count)
     arm = np.full(count, -1)
     for number, (first, last) in enumerate(margins):
         beyond = rim[np.arange(first, first + (last - first) % len(rim) + 1) % len(rim)]

@@ -16,6 +16,8 @@ from o3dleaf.leaf.sheet.widths import CLEAN, WIDEST
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
 
+LEAVES = (0, 2), (1, 3)
+"""LeafArms of either leaf."""
 AROUND = 1.5
 """Radii of the place where leaves cross within which their arms tell how they go on there."""
 FITS = 0.25
@@ -30,7 +32,7 @@ LONG = 3.0
 than wide."""
 
 
-class _Place(NamedTuple):
+class _Crossed(NamedTuple):
     """Points where leaves cross: which are of the first leaf (m,), how many are unsure, if both leaves are seen there.
 
     And if their surfaces show that there are two.
@@ -80,38 +82,47 @@ def find_crossing(
     if not len(free) or len(np.unique(arm)) < 5:
         return resting
     noise = max(OrientedCloud.of(points).noise, CLEAN * spacing)
-    place = _part(points[near], normals, arm, free, spacing, noise)
+    height = np.einsum("ij,ij->i", points[near] - vertices[nearest[near]], normals)
+    flat = points[near] - height[:, np.newaxis] * normals
+    density = [count_neighbors(flat, flat[np.isin(arm, own)], spacing) for own in ((-1,), *LEAVES)]
+    is_double = density[0] >= max(density[1:]) + DOUBLE * min(density[1:])
+    place = _part(points[near], normals, arm, free, spacing, noise, is_double=is_double)
     if not place.is_sure and (resting is not None or arms.long < LONG):
         return resting
-    first = np.isin(arm, (0, 2))
+    first = np.isin(arm, LEAVES[0])
     first[free] = place.first
     said = _tell(points, points[near[free]], place)
     return LeafPair((rows[near[first]], rows[near[~first]]), said)
 
 
 def _part(
-    points: FloatArray, normals: FloatArray, arm: IntArray, free: IntArray, spacing: float, noise: float
-) -> _Place:
+    points: FloatArray,
+    normals: FloatArray,
+    arm: IntArray,
+    free: IntArray,
+    spacing: float,
+    noise: float,
+    *,
+    is_double: bool,
+) -> _Crossed:
     """Return whose the points `free` (m,) are, which lie on no `arm` (n,) but between."""
-    first = np.isin(arm, (0, 2))
-    leaves = [(arm >= 0) & (first == own) for own in (True, False)]
-    heights = np.stack([_heights(points[free], points[leaf], normals[free]) for leaf in leaves])
+    first = np.isin(arm, LEAVES[0])
+    heights = np.stack([_heights(points[free], points[np.isin(arm, own)], normals[free]) for own in LEAVES])
     off = np.abs(heights)
     first[free] = off[0] < off[1]
     apart = float(np.median(np.abs(heights[0] - heights[1])))
     told = tell_by_surface(points, normals, first, free, spacing, noise)
-    density = [count_neighbors(points, points[each], spacing) for each in (free, *leaves)]
-    is_double = density[0] >= max(density[1:]) + DOUBLE * min(density[1:])
-    if told is not None and (is_double or apart >= APART * spacing):
-        first[told.rows] = told.first
+    if is_double:
+        if told is not None:
+            first[told.rows] = told.first
         fits = float(np.median(off.min(axis=0))) <= noise + FITS * spacing
-        return _Place(first[free], told.unsure, True, fits)
+        return _Crossed(first[free], 0 if told is None else told.unsure, True, fits)
     middle = np.median(off, axis=1)
     is_sure = bool(middle.min() <= noise + FITS * spacing and apart >= max(APART * spacing, 2 * noise))
-    return _Place(np.full(len(free), middle[0] < middle[1]), 0 if is_sure else len(free), False, is_sure)
+    return _Crossed(np.full(len(free), middle[0] < middle[1]), 0 if is_sure else len(free), False, is_sure)
 
 
-def _tell(points: FloatArray, between: FloatArray, place: _Place) -> str:
+def _tell(points: FloatArray, between: FloatArray, place: _Crossed) -> str:
     """Return what is said of points (m, 3) where leaves cross, of all (n, 3)."""
     share = f"{len(between):,} points there, {100 * len(between) / len(points):.3g} %,"
     at = tell_middle(between, points)
