@@ -5,9 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.trees import query
 from o3dleaf.surface.mesh.topology import EdgeTable, find_holes, label_nodes, trace_rings
 from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
 
@@ -28,10 +30,12 @@ ARM = 1.5
 class LeafArms(NamedTuple):
     """Which arm each vertex (v,) is of, 0 to 3 around the rim, and -1 where they meet, and how long the shortest is.
 
-    LeafArms 0 and 2 are one leaf, 1 and 3 the other. The length is that of the rim around an arm, over the arm's width.
+    Arms 0 and 2 are one leaf, 1 and 3 the other. Vertices along the margins between are -1, and `halved` (v,) to either
+    side of them. The length is that of the rim around an arm, over the arm's width.
     """
 
     arm: IntArray
+    halved: IntArray
     long: float
 
 
@@ -66,8 +70,7 @@ def find_arms(vertices: FloatArray, triangles: IntArray) -> LeafArms | None:
         return None
     after = np.roll(four, -1)
     margins = np.column_stack([out[four, after], back[four, after]])
-    arm = _arms(vertices, edges, rows, rim.row[margins])
-    return None if arm is None else LeafArms(arm, float(rim.lengths(margins).min()))
+    return _arms(vertices, edges, rows, rim.row[margins], float(rim.lengths(margins).min()))
 
 
 class _Rim(NamedTuple):
@@ -170,8 +173,8 @@ def _least_cycle(bends: FloatArray) -> IntArray | None:
     return np.array([one, between[one, other], other, between[other, one]])
 
 
-def _arms(vertices: FloatArray, edges: EdgeTable, rim: IntArray, margins: IntArray) -> IntArray | None:
-    """Return the arm (v,) of each vertex beyond margins (4, 2) that go on across a sheet, -1 of what lies between."""
+def _arms(vertices: FloatArray, edges: EdgeTable, rim: IntArray, margins: IntArray, long: float) -> LeafArms | None:
+    """Return the arms beyond margins (4, 2) that go on across a sheet, or None if these do not part it into five."""
     count, ends = len(vertices), edges.ends.astype(np.int64)
     length = np.maximum(np.linalg.norm(vertices[ends[:, 1]] - vertices[ends[:, 0]], axis=1), np.finfo(float).tiny)
     graph = coo_array((length, (ends[:, 0], ends[:, 1])), shape=(count, count)).tocsr()
@@ -190,4 +193,6 @@ def _arms(vertices: FloatArray, edges: EdgeTable, rim: IntArray, margins: IntArr
         beyond = beyond[~cut[beyond]]
         if len(beyond):
             arm[part == np.bincount(part[beyond]).argmax()] = number
-    return arm if len(np.unique(arm)) == 5 else None
+    halved = arm.copy()
+    halved[cut] = arm[~cut][query(cKDTree(vertices[~cut]), vertices[cut])[1]]
+    return LeafArms(arm, halved, long) if len(np.unique(arm)) == 5 else None

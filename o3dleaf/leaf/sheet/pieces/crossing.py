@@ -89,9 +89,11 @@ def find_crossing(
     place = _part(points[near], normals, arm, free, spacing, noise, is_double=is_double)
     if not place.is_sure and (resting is not None or arms.long < LONG):
         return resting
-    first = np.isin(arm, LEAVES[0])
-    first[free] = place.first
-    said = _tell(points, points[near[free]], place)
+    # Where heights do not tell, what lies along a margin goes to either side.
+    arm = (arms.arm if place.both else arms.halved)[nearest[near]]
+    first, between = np.isin(arm, LEAVES[0]), arm[free] < 0
+    first[free[between]] = place.first[between]
+    said = _tell(points, points[near[free[between]]], place)
     return LeafPair((rows[near[first]], rows[near[~first]]), said)
 
 
