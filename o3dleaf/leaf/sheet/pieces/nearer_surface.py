@@ -116,13 +116,13 @@ def _frames(normals: FloatArray) -> FloatArray:
 
 
 def _both_seen(points: FloatArray, first: BoolArray, rows: IntArray, spacing: float) -> bool:
-    """Return whether each of two sheets has its points around `rows` (k,) as dense as its own are elsewhere."""
+    """Return whether each of two sheets has its points around `rows` (k,) as dense as they are elsewhere."""
     elsewhere = np.setdiff1d(np.arange(len(points)), rows)
     if not len(rows) or not len(elsewhere):
         return False
+    usual = count_neighbors(points, points[elsewhere], spacing)
     return all(
-        count_neighbors(points[first == own], points[rows[first[rows] == own]], spacing)
-        >= BOTH * count_neighbors(points[first == own], points[elsewhere[first[elsewhere] == own]], spacing)
+        count_neighbors(points[first == own], points[rows[first[rows] == own]], spacing) >= BOTH * usual
         for own in (True, False)
     )
 
