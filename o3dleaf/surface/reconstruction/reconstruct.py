@@ -83,7 +83,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     rho, smoothing
         How much to smooth, as in `PUInterpolant.fit`; "gcv" leaves points out and takes what predicts them best.
     local : {"rbf", "hermite", "curl-free", "mls", "auto"} or object with a fit
-        What is fitted in the balls, see `fit_surface`; "hermite" and "curl-free" want exact normals.
+        What is fitted in the balls, see `fit_surface`.
     creases : "auto", False or float
         Sharp edges, for "rbf": degrees that normals turn across them at least. "auto" is 30, for clouds whose noise is
         far below their spacing.

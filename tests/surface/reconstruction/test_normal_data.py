@@ -54,6 +54,7 @@ def test_what_corrects_a_field_has_the_normals_that_it_was_fitted_to(points):
     cloud = o3l.OrientedCloud.of(points[0], by_planes(*points))
     field = o3l.fit_surface(cloud, local="hermite")
     fitted = surface_data(cloud, local="hermite").normals
+    assert normal_data(cloud, offset_constraints, "hermite") is normal_data(cloud, offset_constraints, "hermite")
     assert np.abs(field.gradient(cloud.points) + fitted).max() < SLOPES_DATA
 
 
