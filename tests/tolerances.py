@@ -1246,3 +1246,10 @@ TURNED_NORMALS = 0.02
 
 REFINED_NORMALS = 0.1
 """Of the error by normals of planes through 30 points, that by the slopes of a fit of values: 0.03 to 0.04."""
+
+SLOPES_ERROR = 1.1
+"""Error of fits to a first fit's slopes over that of the first fit: 0.9 of "hermite" and 0.6 of "curl-free"."""
+
+SLOPES_DATA = 1e-7
+"""Between the gradient of a field at its points and the slopes that it was fitted to: 3e-9 where random points are a
+hundredth of a spacing apart; the planes' normals are 0.1 from them."""
