@@ -20,6 +20,10 @@ JUMP, CRUDE_JUMP = 1.5, 2.5
 """Spacings that differ by more between neighbors are those of a jump in density, of more than twice: averages over 32
 deep points of one density differ by a tenth. Crude ones are √2 too long at margins besides, and twice at corners."""
 
+MIN_SHARE = 0.1
+"""Share of the points that are beside a jump by `CRUDE_JUMP`, from which on they are a row along the margin and no few
+places: rows nine times as dense hold 15 % of the points of a strip a hundred spacings wide."""
+
 
 def edges_of(triangles: IntArray) -> IntArray:
     """Return the (e, 2) edges of triangles, each once, the smaller index first."""
@@ -101,6 +105,32 @@ def neighbors_of(points: FloatArray, tree: cKDTree) -> IntArray:
     return near.reshape(len(points), -1)
 
 
+def handed_on(near: IntArray, spacing: FloatArray) -> FloatArray:
+    """Return for each point (n,) the widest spacing of the points that it is `near` (n, k) to."""
+    widest = spacing.copy()
+    np.maximum.at(widest, near.ravel(), np.repeat(spacing, near.shape[1]))
+    return widest
+
+
+def even_points(points: FloatArray) -> IntArray:
+    """Return the rows (e,) of points that are left where those beside a jump in density are as far apart as beyond it.
+
+    The nearest neighbors of a dense row along a margin, as a mesh's vertices are, are all of the row: what is beside it
+    is not seen, and what lies across a bay is as near as any. Where no density jumps all points are left.
+    """
+    tree = cKDTree(points)
+    spacing = crude_spacing(points, tree)
+    widest = handed_on(neighbors_of(points, tree), spacing)
+    if (widest > CRUDE_JUMP * spacing).mean() < MIN_SHARE:
+        return np.arange(len(points))
+    dense = widest > JUMP * spacing  # along one row density falls by less in some places than in others
+    kept = ~dense
+    for row in np.flatnonzero(dense):
+        around = np.asarray(tree.query_ball_point(points[row], widest[row]), dtype=np.int64)
+        kept[row] = not kept[around].any()
+    return np.flatnonzero(kept)
+
+
 def spacing_between(near: IntArray, triangles: IntArray, spacing: FloatArray, jump: float) -> FloatArray:
     """Return the spacing (m,) by which gaps among points are judged: the mean of a triangle's three corners.
 
@@ -110,8 +140,7 @@ def spacing_between(near: IntArray, triangles: IntArray, spacing: FloatArray, ju
     triangle is as sparse as the sparsest that any of its corners was handed, if that is `jump` times the densest. Of
     each point `near` (n, k) are its `neighbors_of`.
     """
-    widest = spacing.copy()
-    np.maximum.at(widest, near.ravel(), np.repeat(spacing, near.shape[1]))
+    widest = handed_on(near, spacing)
     own, handed = spacing[triangles], widest[triangles].max(axis=1)
     between: FloatArray = np.where(handed > jump * own.min(axis=1), handed, own.mean(axis=1))
     return between

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import Delaunay, QhullError
+from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.tail import IntArray
-from o3dleaf.leaf.margin.sample_spacing import BoolArray, local_shape
+from o3dleaf.leaf.margin.sample_spacing import BoolArray, even_points, local_shape
 
 
 @dataclass(frozen=True)
@@ -52,12 +52,21 @@ def triangulate(points: FloatArray) -> Triangulation:
     triangles = delaunay.simplices.astype(np.int64)
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
     twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    metric = local_shape(points, triangles)
+    metric = _metric(points, triangles)
     reach = longest_sides((a, b, c), metric[triangles].mean(axis=1))
     clockwise = (twice < 0)[:, None]
     triangles = np.where(clockwise, triangles[:, [0, 2, 1]], triangles)
     neighbors = np.where(clockwise, delaunay.neighbors[:, [0, 2, 1]], delaunay.neighbors).astype(np.int64)
     return Triangulation(points, triangles, neighbors, np.abs(twice) / 2, metric, reach)
+
+
+def _metric(points: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return the metric (n, 3) at each point: that of the nearest of `even_points`."""
+    even = even_points(points)
+    if len(even) == len(points):
+        return local_shape(points, triangles)
+    metric = local_shape(points[even], Delaunay(points[even]).simplices.astype(np.int64))
+    return np.asarray(metric[cKDTree(points[even]).query(points)[1]])
 
 
 def longest_sides(corners: tuple[FloatArray, FloatArray, FloatArray], metric: FloatArray) -> FloatArray:

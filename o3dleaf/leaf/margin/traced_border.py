@@ -16,6 +16,9 @@ MIN_BORDER = 4 * HALF_WINDOW
 """Points of a border, at least, that say how it runs."""
 EXACT = 0.01
 """Spacings from its curve that count as none: no area hangs on them, and roundings of a lattice's rows are less."""
+MAX_STEP = 2 / 3
+"""Spacings between points of a border, in the mean, below which they are no row of the sample: in its own metric a
+lattice is made of equilateral triangles or of squares, and its closest rows have steps of 1.07 or 1."""
 MIN_RATIO = 4.0
 """Times that residuals are smaller than by chance: variances of a dozen have a ratio of sixteen once in 50,000."""
 
@@ -28,17 +31,24 @@ class Border:
     ----------
     residual : float
         Median distance of its points from the parabola through their neighbors along it; at least `EXACT`.
-    chance : float
-        The same where the border is cut out of a sample: its points are no denser in the strip that holds half of them
-        than the sample is, 1/(4 ℓ) for a mean side ℓ.
     rows : float
         Median distance from a side of the border, moved one triangle inwards, to the point nearest to its end. It is
         as small as the residual where rows of the sample run along the margin.
+    step : float
+        Mean side ℓ of the border.
     """
 
     residual: float
-    chance: float
     rows: float
+    step: float
+
+    @property
+    def chance(self) -> float:
+        """The residual where the border is cut out of a sample: 1/(4 ℓ).
+
+        Its points are no denser in the strip that holds half of them than the sample is.
+        """
+        return 0.25 / self.step
 
     @property
     def smooth(self) -> bool:
@@ -47,14 +57,14 @@ class Border:
 
     @property
     def traced(self) -> bool:
-        """Whether they do, and no row inside is as smooth: they were set on the margin itself."""
-        return self.smooth and MIN_RATIO * self.residual <= self.rows
+        """Whether they do, and no row inside is as smooth and as dense: they were set on the margin itself."""
+        return self.smooth and (MIN_RATIO * self.residual <= self.rows or self.step <= MAX_STEP)
 
     def note(self, added: float) -> str:
         """Return in words where a leaf ends whose outermost points lie on a smooth curve; `added` is a share of it."""
         said = "the outermost points lie on a smooth curve, as vertices of a mesh do"
         if self.traced:
-            return f"{said}, and rows inside do not: the margin runs through them"
+            return f"{said}, and rows inside do not or are sparser: the margin runs through them"
         told = f"{added:.1%} of the area is added beyond them, half a cell each"
         return f"{said}, and rows of a scan along a margin: {told}, which vertices of a mesh would not need"
 
@@ -92,8 +102,8 @@ def border_of(mesh: Triangulation, kept: BoolArray, deep: BoolArray, spacing: Fl
     used = np.unique(mesh.triangles[kept])
     return Border(
         max(float(np.median(residual)), EXACT),
-        0.25 / float(_lengths(sides, metric).mean()),
         float(np.median(_astray(mesh.points, used, behind, sides, metric))),
+        float(_lengths(sides, metric).mean()),
     )
 
 

@@ -29,6 +29,19 @@ def test_a_margin_that_vertices_trace_is_the_margin(shape, dense, inside):
     assert any("the margin runs through them" in note for note in margin.notes)
 
 
+def test_vertices_far_denser_than_the_sample_inside_fill_no_bays():
+    leaf = leaves.lobed()
+    margin = Margin.fit(vertices(leaf, 1500, 14))
+    assert margin.area == pytest.approx(leaf.area, rel=TRACED_AREA)
+
+
+def test_vertices_along_straight_rows_that_are_sparser_trace_the_margin():
+    inside = np.stack(np.meshgrid(np.arange(0.5, 30), np.arange(0.5, 20)), axis=-1).reshape(-1, 2)
+    rim = shapely.get_coordinates(shapely.segmentize(shapely.box(0, 0, 30, 20), 0.4))
+    margin = Margin.fit(np.vstack([inside, rim[:-1]]))
+    assert margin.area == pytest.approx(600, rel=TRACED_AREA)
+
+
 @pytest.mark.parametrize("sampler", leaves.SAMPLERS)
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("seed", range(3))
