@@ -35,11 +35,15 @@ def test_vertices_far_denser_than_the_sample_inside_fill_no_bays():
     assert margin.area == pytest.approx(leaf.area, rel=TRACED_AREA)
 
 
-def test_vertices_along_straight_rows_that_are_sparser_trace_the_margin():
-    inside = np.stack(np.meshgrid(np.arange(0.5, 30), np.arange(0.5, 20)), axis=-1).reshape(-1, 2)
-    rim = shapely.get_coordinates(shapely.segmentize(shapely.box(0, 0, 30, 20), 0.4))
-    margin = Margin.fit(np.vstack([inside, rim[:-1]]))
-    assert margin.area == pytest.approx(600, rel=TRACED_AREA)
+@pytest.mark.parametrize("off", [0.0, 1e-3, 0.02])
+def test_vertices_along_straight_rows_that_are_sparser_trace_the_margin(off):
+    """Also where they are a little off their line, and the border's triangles so flat that it passes them by."""
+    inside = np.stack(np.meshgrid(np.arange(30) + 0.8, np.arange(20) + 0.8), axis=-1).reshape(-1, 2)
+    box = shapely.box(0, 0, 30.6, 20.6)
+    rim = shapely.get_coordinates(shapely.segmentize(box, 0.4))
+    rim = rim[:-1] + off * np.random.default_rng(4).uniform(-1, 1, (len(rim) - 1, 2))
+    margin = Margin.fit(np.vstack([inside, rim]))
+    assert margin.area == pytest.approx(box.area, rel=TRACED_AREA)
 
 
 @pytest.mark.parametrize("sampler", leaves.SAMPLERS)
