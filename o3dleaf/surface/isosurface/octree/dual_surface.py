@@ -8,21 +8,23 @@ a least leaf, which meets the leaf across at that edge alone: no other polygon h
 
 import numpy as np
 
-from o3dleaf.core import progress
+from o3dleaf.core import journal, progress
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.errors import DataWarning
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices
-from o3dleaf.surface.isosurface.octree.loop_vertices import LoopVertices, place_vertices
+from o3dleaf.core.places import tell_middle
+from o3dleaf.surface.isosurface.octree.loop_vertices import MIDDLE, SMOOTH, LoopVertices, place_vertices
 from o3dleaf.surface.isosurface.octree.octree_band import OctreeBand
 from o3dleaf.surface.isosurface.octree.traced import TracedLoops
 from o3dleaf.surface.mesh.clip import trim_to_manifold
 from o3dleaf.surface.mesh.crossings import find_crossings
 
 ROUNDS = 6
-"""Times that polygons are cut: each takes vertices back that are on no crease any more."""
+"""Times that polygons are cut: after each those vertices are moved whose triangles cross others."""
 
 RINGS = 2
-"""Rings of triangles around vertices on creases that may cross theirs."""
+"""Rings of triangles around vertices that may cross theirs."""
 
 SHARES = (1, 4, 1)
 """About how long tracing, placing and cutting polygons take."""
@@ -48,7 +50,7 @@ def draw_leaves(
         placed = place_vertices(band, traced, exact or band.field, features=features)
     with cutting:
         broken = (traced.edges.around < 0).any(axis=1)
-        vertices, triangles = _draw_creases(traced, placed, np.flatnonzero(~broken))
+        vertices, triangles = _draw(traced, placed, np.flatnonzero(~broken))
         if not ends or not broken.any():
             return drop_unused_vertices(vertices, triangles)
         suspect, rim = np.zeros(len(vertices), dtype=bool), traced.edges.around[broken]
@@ -56,33 +58,41 @@ def draw_leaves(
         return trim_to_manifold(vertices, triangles, suspect)
 
 
-def _draw_creases(traced: TracedLoops, placed: LoopVertices, edges: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return vertices and triangles of the polygons of some edges, with vertices on creases but where triangles cross.
+def _draw(traced: TracedLoops, placed: LoopVertices, edges: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return vertices and triangles of the polygons of some edges, vertices being moved where triangles cross.
 
-    There they go back into their leaves or, where that is not enough, to the surface, which is chamfered there.
+    Duals have such where a field turns within a leaf (Ju and Udeshi 2006), most of all beside creases. What is left of
+    them is told.
     """
-    vertices, rows, choice = placed.smooth.copy(), placed.creased, np.zeros(len(placed.creased), dtype=np.int64)
-    last, creased = len(placed.met) - 1, np.zeros(len(vertices), dtype=bool)
-    corners, fans, added = _polygons(traced, len(vertices), edges)
+    choice, (corners, fans, added) = placed.best(), _polygons(traced, len(placed.smooth), edges)
+    looked_at = None
     for _ in range(ROUNDS):
-        vertices[rows], creased[rows] = placed.met[choice, np.arange(len(rows))], choice < last
-        triangles = np.concatenate([_cut_by_diagonals(traced, vertices, creased, corners), fans])
+        vertices = placed.at(choice)
+        triangles = np.concatenate([_cut_by_diagonals(traced, vertices, choice < SMOOTH, corners), fans])
         whole = np.concatenate([vertices, added])
-        back = np.isin(rows, triangles[_crossing_near(whole, triangles, rows)]) & (choice < last)
-        if not back.any():
+        crossing = _find_crossing(whole, triangles, looked_at)
+        looked_at = np.unique(triangles[crossing])
+        back = looked_at[looked_at < len(choice)]
+        back = back[choice[back] < MIDDLE]
+        if not len(back):
             break
         choice[back] += 1
+    if len(crossing):
+        place = tell_middle(whole[triangles[crossing[0]]], whole)
+        cause = f"{len(crossing):,} of {len(triangles):,} triangles cross others, as at {place}"
+        journal.tell(f"{cause}: the field turns within a cell; clean_mesh(mesh, untangle=True) has none", DataWarning)
     return whole, triangles
 
 
-def _crossing_near(vertices: FloatArray, triangles: IntArray, rows: IntArray) -> IntArray:
-    """Return which triangles cross others, of those around some vertices."""
-    near = np.zeros(len(vertices), dtype=bool)
-    near[rows] = True
-    around = rows
-    for _ in range(RINGS):
-        around = np.flatnonzero(near[triangles].any(axis=1))
-        near[triangles[around]] = True
+def _find_crossing(vertices: FloatArray, triangles: IntArray, moved: IntArray | None) -> IntArray:
+    """Return which triangles cross others: of all, or of those around vertices that have moved."""
+    around = np.arange(len(triangles))
+    if moved is not None:
+        near = np.zeros(len(vertices), dtype=bool)
+        near[moved] = True
+        for _ in range(RINGS):
+            around = np.flatnonzero(near[triangles].any(axis=1))
+            near[triangles[around]] = True
     return around[find_crossings(vertices, triangles[around])] if len(around) else around
 
 

@@ -24,22 +24,42 @@ SETTLED = 0.03
 """Share of a leaf: after a shorter step a vertex is off by about its square, a thousandth."""
 
 
+CREASED, SMOOTH, MIDDLE = 0, 2, 3
+"""Places of a vertex, from the best to one where hardly any triangles cross: where planes meet, the same within the leaf,
+on the surface within the leaf, and the middle of the loop."""
+
+
 class LoopVertices(NamedTuple):
     """Vertices of loops.
 
     Attributes
     ----------
-    smooth : (v, 3) ndarray
-        On the surface.
+    smooth, middle : (v, 3) ndarrays
+        On the surface, and in the middles of loops.
     creased : (k,) ndarray of int64
         Which ones are on creases.
-    met : (n, k, 3) ndarray
-        Where tangent planes meet there, less and less outside the leaf, and last the smooth ones.
+    met : (2, k, 3) ndarray
+        Where tangent planes meet there: half a leaf outside it at most, and within it.
     """
 
     smooth: FloatArray
+    middle: FloatArray
     creased: IntArray
     met: FloatArray
+
+    def best(self) -> IntArray:
+        """Return the best place (v,) of each: `CREASED` or `SMOOTH`."""
+        choice = np.full(len(self.smooth), SMOOTH)
+        choice[self.creased] = CREASED
+        return choice
+
+    def at(self, choice: IntArray) -> FloatArray:
+        """Return the vertices (v, 3) at some places (v,)."""
+        vertices = np.where((choice == MIDDLE)[:, np.newaxis], self.middle, self.smooth)
+        of_crease = choice[self.creased]
+        meeting = np.flatnonzero(of_crease < SMOOTH)
+        vertices[self.creased[meeting]] = self.met[of_crease[meeting], meeting]
+        return vertices
 
 
 def place_vertices(band: OctreeBand, traced: TracedLoops, field: Field, *, features: bool) -> LoopVertices:
@@ -51,23 +71,22 @@ def place_vertices(band: OctreeBand, traced: TracedLoops, field: Field, *, featu
     low, high = band.place_in(keys, levels, 0.0), band.place_in(keys, levels, 1.0)
     if band.box is not None:
         low, high = np.clip(low, *band.box), np.clip(high, *band.box)
-    vertices, cut = traced.middles(), np.zeros(len(keys), dtype=bool)
+    middle, cut = traced.middles(), np.zeros(len(keys), dtype=bool)
     cut[traced.incidences.loop[traced.edges.on_box[traced.edge]]] = True
-    rows, side = np.flatnonzero(~cut), float(band.step[0]) * np.exp2(levels)
+    vertices, rows, side = middle.copy(), np.flatnonzero(~cut), float(band.step[0]) * np.exp2(levels)
     for _ in range(MAX_ITERATIONS):
         moved = np.clip(vertices[rows] + _steps(band, field, vertices[rows]), low[rows], high[rows])
         length = np.linalg.norm(moved - vertices[rows], axis=1)
         vertices[rows] = moved
         rows = rows[length > SETTLED * side[rows]]
     if not features:
-        return LoopVertices(vertices, np.empty(0, dtype=np.int64), np.empty((1, 0, 3)))
+        return LoopVertices(vertices, middle, np.empty(0, dtype=np.int64), np.empty((2, 0, 3)))
     planes, creased = _planes(traced, field)
     rows = np.flatnonzero(creased & ~cut)
     met = meet_planes(planes.squares[rows], planes.right[rows], planes.middle[rows])
     low, high, beyond = low[rows], high[rows], MAX_OUTSIDE * side[rows, np.newaxis]
-    return LoopVertices(
-        vertices, rows, np.stack([np.clip(met, low - beyond, high + beyond), np.clip(met, low, high), vertices[rows]])
-    )
+    met = np.stack([np.clip(met, low - beyond, high + beyond), np.clip(met, low, high)])
+    return LoopVertices(vertices, middle, rows, met)
 
 
 def _steps(band: OctreeBand, field: Field, points: FloatArray) -> FloatArray:
