@@ -7,7 +7,7 @@ from o3dleaf import create_from_point_cloud_rbfpu, mesh_report, samples
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.topology import find_holes
-from o3dleaf.surface.reconstruction.extract import PER_POINT, is_uneven, mesh_step
+from o3dleaf.surface.reconstruction.extract import PER_POINT, finest_spacing, is_uneven, mesh_step
 from tolerances import UNEVEN_SURFACE
 
 
@@ -48,6 +48,12 @@ def test_each_part_of_a_ball_is_as_near_as_its_own_points_are_dense():
     for part in (spacing < np.median(cloud.point_spacing), spacing > 3 * np.median(cloud.point_spacing)):
         assert np.count_nonzero(part) > 1_000
         assert off[part].mean() < UNEVEN_SURFACE
+
+
+def test_single_precision_is_as_fine_as_the_densest_part_asks_for():
+    cloud, middle = ball(), float(np.median(ball().point_spacing))
+    assert finest_spacing(cloud, None) == cloud.point_spacing.min() < 0.9 * middle
+    assert [finest_spacing(cloud, spacing) for spacing in (0.5 * middle, 2 * middle)] == [0.5 * middle, middle]
 
 
 def test_a_gap_in_an_uneven_cloud_is_closed_where_that_is_asked_for():

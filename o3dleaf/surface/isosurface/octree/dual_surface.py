@@ -14,7 +14,7 @@ from o3dleaf.core.errors import DataWarning
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices
 from o3dleaf.core.places import tell_middle
-from o3dleaf.surface.isosurface.octree.loop_vertices import MIDDLE, SMOOTH, LoopVertices, place_vertices
+from o3dleaf.surface.isosurface.octree.loop_vertices import MIDDLE, LoopVertices, place_vertices
 from o3dleaf.surface.isosurface.octree.octree_band import OctreeBand
 from o3dleaf.surface.isosurface.octree.traced import TracedLoops
 from o3dleaf.surface.mesh.clip import trim_to_manifold
@@ -68,7 +68,7 @@ def _draw(traced: TracedLoops, placed: LoopVertices, edges: IntArray) -> tuple[F
     looked_at = None
     for _ in range(ROUNDS):
         vertices = placed.at(choice)
-        triangles = np.concatenate([_cut_by_diagonals(traced, vertices, choice < SMOOTH, corners), fans])
+        triangles = np.concatenate([_cut_by_diagonals(traced, vertices, corners), fans])
         whole = np.concatenate([vertices, added])
         crossing = _find_crossing(whole, triangles, looked_at)
         looked_at = np.unique(triangles[crossing])
@@ -119,17 +119,13 @@ def _doubled(corners: IntArray, count: int) -> BoolArray:
     return np.isin(side, np.unique(rising[2:][rising[2:] == rising[:-2]]))
 
 
-def _cut_by_diagonals(traced: TracedLoops, vertices: FloatArray, creased: BoolArray, corners: IntArray) -> IntArray:
-    """Return the triangles of polygons with corners (p, 4), see `_polygons`.
-
-    Of the diagonals from a least leaf it is the one between two vertices on creases, else the shorter one.
-    """
+def _cut_by_diagonals(traced: TracedLoops, vertices: FloatArray, corners: IntArray) -> IntArray:
+    """Return the triangles of polygons (p, 4), see `_polygons`, cut by the shorter diagonal from a least leaf."""
     repeated = corners == np.roll(corners, -1, axis=1)
     three = repeated.any(axis=1)
     level = traced.leaves.levels[traced.leaf[corners]]
     least = level == level.min(axis=1, keepdims=True)
     length = np.linalg.norm(vertices[corners[:, 2:]] - vertices[corners[:, :2]], axis=2)
-    length[creased[corners[:, 2:]] & creased[corners[:, :2]]] = 0.0
     length[~(least[:, :2] | least[:, 2:])] = np.inf
     turn = np.where(three, repeated.argmax(axis=1), length.argmin(axis=1))
     corners = np.take_along_axis(corners, (turn[:, np.newaxis] + np.arange(4)) % 4, axis=1)

@@ -25,8 +25,8 @@ SETTLED = 0.03
 
 
 CREASED, SMOOTH, MIDDLE = 0, 2, 3
-"""Places of a vertex, from the best to one where hardly any triangles cross: where planes meet, the same within the leaf,
-on the surface within the leaf, and the middle of the loop."""
+"""Places of a vertex, from the best to one where hardly any triangles cross: where tangent planes meet (and then moved
+into the leaf), on the surface within the leaf, and in the middle of the loop."""
 
 
 class LoopVertices(NamedTuple):

@@ -28,7 +28,7 @@ class LeastEdges(NamedTuple):
     forward : (e,) ndarray of bool
         Whether the lower end is inside.
     on_box : (e,) ndarray of bool
-        Whether one end lies beyond the box.
+        Whether that is on a face of the box.
     """
 
     around: IntArray
@@ -101,6 +101,6 @@ def _edges(band: Band, found: Incidences) -> tuple[IntArray, LeastEdges]:
     share = np.clip(ends.here / (ends.here - ends.there), MIN_FRACTION, 1 - MIN_FRACTION)
     places, on_box = ends.lower + share[:, np.newaxis] * (ends.upper - ends.lower), np.zeros(len(some), dtype=bool)
     if band.box is not None:
-        cut, places_on_box = end_on_box(band, band.box, ends)
-        places[cut], on_box[cut] = places_on_box, True
+        cut, ended = end_on_box(band, band.box, ends)
+        places[cut], on_box[cut] = ended, ((ended == band.box[0]) | (ended == band.box[1])).any(axis=1)
     return edge, LeastEdges(around, places, ends.here > 0, on_box)

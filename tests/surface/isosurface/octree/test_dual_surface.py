@@ -1,5 +1,7 @@
 """The dual of an octree: closed, manifold and outward on leaves of any widths, and as near as the leaves are narrow."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from o3dleaf import extract_isosurface, get_num_threads, mesh_report, set_num_th
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.surface.isosurface.continuation import Continuation
+from o3dleaf.surface.isosurface.octree import loop_vertices, octree_loops
 from o3dleaf.surface.isosurface.octree.octree_band import MAX_CELLS, OctreeBand
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from tolerances import DUAL_CREASE, DUAL_ORDER, DUAL_SPHERE, ROUNDING
@@ -110,6 +113,33 @@ def brute_edges(band):
     return {tuple(pair) for pair in band.keys_of(crossed).reshape(-1, 2).tolist()}
 
 
+def test_leaves_lead_to_those_across_their_crossed_faces_and_to_no_others():
+    """Of a face, or a quarter of one that narrower leaves share, at least where its corners are on both sides."""
+    field = sponge()
+    seeds = np.random.default_rng(5).uniform(-1.1, 1.1, (60, 3))
+    band = follow(field, seeds, scattered(len(seeds), 5, -4.0, -2.0)).band
+    leaves = band.traced().leaves
+    found = np.full((len(leaves.keys), 24), -1)
+    unvisited = np.zeros_like(band.known)
+    known = band.table, band.keys, unvisited
+    octree_loops.cross_leaf_faces(0, len(found), band.octree.split, *leaves[:4], *known, found)
+    low, side = band.positions(leaves.keys), band.step[0] * np.exp2(leaves.levels)[:, np.newaxis]
+    touched, crossed = [], []
+    for face in range(6):
+        axis, across = face >> 1, np.eye(3)[face >> 1] * (1 if face & 1 else -1)
+        for part in np.ndindex(2, 2):
+            middle = low + side * np.insert(0.25 + 0.5 * np.array(part), axis, 1.0 if face & 1 else 0.0)
+            key, level = band.octree.leaves_at(band.keys_of(middle + 0.1 * band.step[0] * across))
+            touched.append(key)
+            shared = np.minimum(side, band.step[0] * np.exp2(level)[:, np.newaxis])
+            begin = np.floor((middle - low) / shared + 1e-9) * shared + low
+            corners = [begin + shared * np.insert(np.array(each, dtype=float), axis, 0.0) for each in np.ndindex(2, 2)]
+            inside = np.stack([band.ask(corner) > 0 for corner in corners])
+            crossed.append(np.where(inside.any(axis=0) & ~inside.all(axis=0), key, -1))
+    for got, all_of_them, least in zip(found, np.transpose(touched), np.transpose(crossed), strict=True):
+        assert set(least) <= set(got) <= set(all_of_them) | {-1}
+
+
 def test_leaves_of_one_width_have_the_topology_of_the_band():
     """Sponges have hundreds of handles in ambiguous cells, which both join alike."""
     field = sponge()
@@ -183,9 +213,17 @@ def test_a_changed_field_is_followed_as_one_that_was_so_from_the_beginning(withi
 
 
 def test_a_surface_ends_open_and_manifold_where_it_is_not_allowed():
+    """A third of the leaves, here and there: others touch along an edge or in a vertex alone."""
     seeds = seeds_of(sphere())
     steps = scattered(len(seeds), 3)
-    vertices, triangles = drawn(sphere(), seeds, steps, within=lambda places: np.sin(9 * places).sum(axis=1) < 0.7)
+
+    def allowed(places):
+        return np.sin(1e4 * places @ [1, 2, 3]) < 0.5
+
+    continued = follow(sphere(), seeds, steps, allowed)
+    leaves = continued.band.traced().leaves
+    assert allowed(continued.band.place_in(leaves.keys, leaves.levels, 0.5)).all()
+    vertices, triangles = continued.draw(sharpen=True, features=False)
     report = mesh_report((vertices, triangles))
     assert report.manifold
     assert report.boundary_edges > 0
@@ -199,6 +237,41 @@ def test_the_result_does_not_depend_on_the_threads():
         meshes.append(drawn(torus(), seeds, scattered(len(seeds), 4)))
     set_num_threads(threads)
     assert all(np.array_equal(one, other) for one, other in zip(*meshes, strict=True))
+
+
+def test_no_vertex_leaves_the_box_where_newton_would(monkeypatch):
+    """By slopes that are far too small steps are too long, and end on the faces of leaves and of the box."""
+    field = replace(sphere(), bounds=np.array([[-1.1] * 3, [1.1] * 3]))
+    seeds = seeds_of(sphere())
+    continued = follow(field, seeds, np.full(len(seeds), 0.3))
+    monkeypatch.setattr(loop_vertices, "MAX_ITERATIONS", 1)
+    vertices, _ = continued.draw(sharpen=True, features=False, exact=Sloping(field))
+    assert np.abs(vertices).max() == pytest.approx(1.1, abs=ROUNDING)
+
+
+@dataclass
+class Sloping:
+    """A field with slopes a hundredth of its own."""
+
+    field: Analytic
+
+    @property
+    def bounds(self):
+        return self.field.bounds
+
+    def __call__(self, points):
+        return self.field(points)
+
+    def gradient(self, points):
+        return self.field.gradient(points) / 100
+
+
+def test_a_leaf_with_many_seeds_is_named_once():
+    seeds = seeds_of(sphere())
+    band = OctreeBand.on_steps(seeds, scattered(len(seeds), 6), sphere(), 0.0)
+    cells = band.cells_of(seeds)
+    assert np.array_equal(cells, np.unique(band.octree.leaves_at(band.keys_of(seeds))[0]))
+    assert len(cells) < len(seeds)
 
 
 def test_the_loops_of_a_band_are_traced_once():
