@@ -1,6 +1,6 @@
-"""Leaves that rest on one another, of known shape: which points `find_sheet` gives to which, and what it says.
+"""Leaves that rest on one another or cross, of known shape: which points `find_sheet` gives to which, what it says.
 
-    python scripts/measure_resting.py [--held-out] [--blades] [NUMBER ...]
+    python scripts/measure_resting.py [--crossing] [--held-out] [--blades] [NUMBER ...]
 
 Printed of each scan are the points of the lower and the upper leaf on the sheet of the whole scan and on each of the
 pieces that can be asked for, and with `--blades` the area of the blade of the first two against that of the leaf as
@@ -14,6 +14,7 @@ import numpy as np
 import o3dleaf as o3l
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.leaf.sheet.sheet import find_sheet
+from o3dleaf.samples.leaves.crossing import drawn_crossing
 from o3dleaf.samples.leaves.resting import drawn_leaves
 
 SPACING = 0.8
@@ -21,10 +22,14 @@ SPACING = 0.8
 
 def run(number, options):
     """Print the lines of one scan."""
-    leaves = drawn_leaves(number, held_out=options.held_out)
+    leaves = (drawn_crossing if options.crossing else drawn_leaves)(number, held_out=options.held_out)
     scan = leaves.scan()
     count = np.bincount(scan.leaf)
-    how = f"{'tip' if leaves.tip else 'middle'}, {'above' if leaves.hidden else 'full'}"
+    if options.crossing:
+        how = f"{leaves.angle:.0f}°, tilt {leaves.tilt:.0f}°, density {leaves.density:g}"
+    else:
+        how = "tip" if leaves.tip else "middle"
+    how += ", above" if leaves.hidden else ", full"
     print(f"{number:2d} {how}, gap {leaves.gap:g}, noise {leaves.noise:g}: {count[0]} + {count[1]} points", flush=True)
     sheet = find_sheet(scan.points)
     pieces = [np.bincount(scan.leaf[rows], minlength=2) for rows in sheet.leftovers.pieces]
@@ -32,7 +37,7 @@ def run(number, options):
     one, other = np.bincount(scan.leaf[sheet.rows], minlength=2)
     print(f"   whole {one} + {other}; pieces {shown}")
     for note in sheet.notes:
-        if "lie on one another" in note:
+        if "two leaves" in note:
             print(f"   {note}")
     for piece, held in enumerate(pieces[:2] if options.blades else [], 1):
         leaf = int(held.argmax())
@@ -46,9 +51,10 @@ def run(number, options):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("numbers", metavar="NUMBER", type=int, nargs="*", default=range(16))
+    parser.add_argument("numbers", metavar="NUMBER", type=int, nargs="*")
+    parser.add_argument("--crossing", action="store_true", help="leaves that cross")
     parser.add_argument("--held-out", action="store_true", help="other leaves, to be run once, at the end")
     parser.add_argument("--blades", action="store_true", help="the blades of both leaves, too")
     options = parser.parse_args()
-    for number in options.numbers:
+    for number in options.numbers or range(36 if options.crossing else 16):
         run(number, options)

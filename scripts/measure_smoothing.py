@@ -1,4 +1,4 @@
-"""Measure how well the data choose their smoothing: the figures of docs/design.md.
+"""Measure how well the data choose their smoothing: the figures of docs/design/fitting/smoothing.md.
 
     python scripts/measure_smoothing.py [--quick]
 

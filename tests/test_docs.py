@@ -19,6 +19,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("data_samples/*.md")])
 NAMES = [path.relative_to(ROOT).as_posix() for path in PAGES]
 COMMANDS = typer.main.get_command(app).commands
+DESIGN = ROOT / "docs" / "design"
+FOLDERS = "core|io|fitting|surface|leaf|samples|output|commands"
+MAX_PARAGRAPH = 900  # characters: eight lines or so; one that says more says more than one thing
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
@@ -26,8 +29,33 @@ def test_files_are_there(page):
     text = page.read_text(encoding="utf-8")
     links = [page.parent / link for link in re.findall(r"\]\(([^)#:]+)\)", text)]
     named = [ROOT / path for path in re.findall(r"`((?:scripts|tests|docs|o3dleaf)/[\w./]+)[^`*]*`", text)]
-    named += [ROOT / "o3dleaf" / path for path in re.findall(r"`((?:core|fitting|surface|leaf)/[\w/]+\.py)`", text)]
+    named += [ROOT / "o3dleaf" / path for path in re.findall(rf"`((?:{FOLDERS})/[\w/]+\.py)`", text)]
     assert [str(path) for path in links + named if not path.exists()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_links_into_pages_lead_to_a_heading(page):
+    links = re.findall(r"\]\(([^):#]*)#([^)]+)\)", page.read_text(encoding="utf-8"))
+    assert [anchor for path, anchor in links if anchor not in anchors(page.parent / path if path else page)] == []
+
+
+def anchors(page):
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", sorted(DESIGN.rglob("*.md")), ids=lambda page: page.relative_to(DESIGN).as_posix())
+def test_a_paragraph_of_the_design_is_one_thought(page):
+    """None is longer than a reader holds; tables, code and pictures aside, each point of a list by itself."""
+    blocks = re.split(r"\n\s*\n|\n(?=- )", page.read_text(encoding="utf-8"))
+    words = [block for block in blocks if not block.startswith(("|", "    ", "!["))]
+    assert [block for block in words if len(block) > MAX_PARAGRAPH] == []
+
+
+def test_the_map_of_the_design_has_every_page():
+    links = re.findall(r"\]\(([^)#:]+)\)", (DESIGN / "README.md").read_text(encoding="utf-8"))
+    linked = {(DESIGN / link).resolve() for link in links}
+    assert [page for page in DESIGN.rglob("*.md") if page != DESIGN / "README.md" and page not in linked] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)

@@ -17,6 +17,7 @@ from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
     from o3dleaf.core.resources.needs import Need
+    from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
     from o3dleaf.surface.mesh.mesh_report import MeshReport
     from o3dleaf.surface.reconstruction.closing import Closed
 
@@ -122,6 +123,7 @@ class ReconstructJob(UnitOption, ColumnsOption, ResumeOption, LongJob):
             local=self.local,
             unit=self.unit,
             viewpoint=self.viewpoint,
+            merge=self.merged,
             measure=self.measure,
             closed=CLOSED[self.closed],
             trim=None if self.untrimmed else trim_to_data,
@@ -131,13 +133,25 @@ class ReconstructJob(UnitOption, ColumnsOption, ResumeOption, LongJob):
         if self.model is not None:
             with stage("write model"):
                 field.save(self.model)
+        colored = cloud.has_colors()
+        del cloud, field  # of what memory is stated, the check needs what they hold
         if self.picture is not None:
             with stage("draw picture"):
                 values = Scalars(mesh.vertex[self.shown].numpy().ravel(), self.label)
-                own = self.measure == "auto" and cloud.has_colors()
+                own = self.measure == "auto" and colored
                 render(mesh, self.picture, scalars=None if own else values, unit=self.unit)
         with stage("check mesh"):
             return mesh_report(mesh, unit=self.unit)
+
+    def merged(self, cloud: "OrientedCloud") -> "OrientedCloud":
+        """Return a cloud with its points averaged as by default, if the check of its mesh has room at the end."""
+        from o3dleaf.surface.cloud.downsample import adaptive_down_sample
+        from o3dleaf.surface.reconstruction.reconstruct import need_for_mesh
+
+        averaged = adaptive_down_sample(cloud)
+        averaged.compact()
+        need_for_mesh(averaged, self.spacing, self.unit, reported=True).require()
+        return averaged
 
     @property
     def shown(self) -> str:

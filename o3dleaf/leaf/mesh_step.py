@@ -3,7 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from o3dleaf.core.cloud_arrays import CloudLike
+from o3dleaf.core.cloud_arrays import CloudLike, points_of
+from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.leaf.residuals.off_blade import rows_of_piece
 from o3dleaf.surface.cloud.usable_points import remove_faults
 
 STEPS_PER_PATCH = 5
@@ -27,8 +29,10 @@ class MeshStep:
     reason: str
 
 
-def choose_step(scan: CloudLike, thickness: float | None) -> MeshStep:
+def choose_step(scan: CloudLike, thickness: float | None, blade: Blade | None = None) -> MeshStep:
     """Return the step that shows what was measured: the scan's point spacing, or less where there is more to show.
+
+    Of a blade that was made of one piece of the scan it is that piece's.
 
     Parameters
     ----------
@@ -36,6 +40,7 @@ def choose_step(scan: CloudLike, thickness: float | None) -> MeshStep:
     thickness : float, optional
         Height of the patch of micro-structure, in the scan's unit; a fifth of it, a round number, is the step where
         the scan's spacing is not smaller.
+    blade : Blade, optional
 
     Raises
     ------
@@ -43,11 +48,15 @@ def choose_step(scan: CloudLike, thickness: float | None) -> MeshStep:
         If most points of the scan lie on a line or in one place.
     """
     # What lies far off does not move a median, and is not looked for.
+    whose = "scan"
+    if blade is not None and blade.other_pieces is not None:
+        points = points_of(scan, "scan")
+        scan, whose = points[rows_of_piece(blade, points)], "piece"
     spacing = float(f"{remove_faults(scan, None).spacing:.1e}")
     fine = math.inf if thickness is None else _to_round_number(thickness / STEPS_PER_PATCH)
     if fine <= spacing:
         return MeshStep(fine, "a fifth of the height of the micro-structure")
-    return MeshStep(spacing, "the scan's median point spacing")
+    return MeshStep(spacing, f"the {whose}'s median point spacing")
 
 
 def _to_round_number(length: float) -> float:

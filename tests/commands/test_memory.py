@@ -8,6 +8,7 @@ import open3d as o3d
 import pytest
 
 from o3dleaf.commands import cli
+from o3dleaf.core.resources import machine, needs
 from o3dleaf.core.resources.measured import RECONSTRUCTED_POINT
 from o3dleaf.io.clouds.counts import count_points, count_triangles
 from o3dleaf.io.point_cloud import read_point_cloud
@@ -57,6 +58,18 @@ def test_what_needs_more_is_refused_in_one_line_and_an_estimate_says_how_much(cl
     assert "50,000 points take about" in errors[0]
     assert "--time" in errors[0]
     assert not list(tmp_path.iterdir())
+
+
+def test_a_mesh_that_there_is_no_room_to_check_is_refused_before_it_is_made(tmp_path, monkeypatch, capsys):
+    """Of 5,000 points and 42,000 triangles 30 MB are enough to find the surface, not to load all and check the mesh."""
+    path = tmp_path / "cloud.npy"
+    np.save(path, sphere(5_000))
+    monkeypatch.setattr(needs, "usable_memory", lambda: machine.Limit(30_000_000, "as stated", "state more"))
+    job = ("reconstruct", path, "-o", tmp_path / "mesh.ply", "--memory", "1TB")
+    code, _, errors = run(monkeypatch, capsys, *job)
+    assert code == 2
+    assert "triangles need about" in errors[-1]
+    assert not (tmp_path / "mesh.ply").exists()
 
 
 @pytest.mark.parametrize("error", [MemoryError(), MemoryError("of 3 GB"), RuntimeError(cli.NO_THREAD)])

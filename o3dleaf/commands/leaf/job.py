@@ -163,7 +163,7 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
             need.require()
         with self.refusals_shown(scan):
             blade, leaf = self.create(scan, patch, midrib)
-        step = self.step_for(scan, None if leaf is None else leaf.thickness)
+        step = self.step_for(scan, None if leaf is None else leaf.thickness, blade)
 
         def measure() -> "FitQuality":
             with journal.stage("measure fit"):

@@ -91,14 +91,14 @@ class MeshOptions(ScanOptions):
         if self.spacing is not None and not self.fine:
             yield self.spacing, METHODS.index(self.method), self.simplify is None and self.remesh_tile is None
 
-    def step_for(self, scan: "o3d.geometry.PointCloud", thickness: float | None) -> "MeshStep":
+    def step_for(self, scan: "o3d.geometry.PointCloud", thickness: float | None, blade: "Blade") -> "MeshStep":
         """Return the mesh spacing that was given, or one that fits the data, and say so."""
         from o3dleaf.leaf.mesh_step import MeshStep, choose_step
 
         if self.spacing is not None:
             return MeshStep(self.spacing, "as given")
         with journal.stage("choose mesh spacing"):
-            step = choose_step(scan, thickness)
+            step = choose_step(scan, thickness, blade)
         length = measure_in_words(step.length, self.scan_unit)
         journal.note(f"mesh spacing {length}: {step.reason}; give --spacing for another")
         return step

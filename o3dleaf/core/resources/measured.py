@@ -79,6 +79,10 @@ CROSSING = Each(100)
 """Of a grid's columns through a closed mesh."""
 REPORTED_TRIANGLE = Each(215, 3.0)
 """Of a mesh that is reported on."""
+CHECKED_MESH = Cost(20_000_000)
+"""Of a surface that is made and reported on, whatever its size: compiled code that is loaded on the way."""
+CHECKED_TRIANGLE = Each(275, 4.4)
+"""Of it as much as `TRIANGLE` and `REPORTED_TRIANGLE`: the mesh is held while it is reported on."""
 CLEANED_TRIANGLE = Each(400, 5.5)
 """Of a mesh that is cleaned."""
 SIMPLIFIED_TRIANGLE = Each(545, 7.0)

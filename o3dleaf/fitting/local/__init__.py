@@ -8,7 +8,7 @@
 `columns`              splines of several columns of values
 `voxels`               splines of voxels: balls that share a factorization
 `smoothing_selection`  the smoothing of each ball
-`fitter_selection`     the fit of points and normals that suits the noise
+`fitter_selection`     the fit of points and normals that suits the noise, and what fits say of points left out
 `cross_validation`     errors at groups of points left out
 `blending`             the compiled blend, driven over blocks
 `fit_loops`            fits of values, their spectra and held-out errors

@@ -1,19 +1,25 @@
-"""Choice of the local fit for oriented points and of its balls, as large as noise requires and the shape allows."""
+"""Choice of the local fit for oriented points and of its balls, as large as noise requires and the shape allows.
+
+And what a fit says of points that are left out, by which its data are judged.
+"""
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.even_sample import even_rows
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.core.trees import query
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fields import FieldPerBall, FitBall
 from o3dleaf.fitting.local.fitter import Fitter, ScatteredData
 from o3dleaf.fitting.local.oriented_loops import OrientedPoints, polynomial_residual
 from o3dleaf.fitting.local.polynomials import MovingLeastSquares
 from o3dleaf.fitting.local.potentials import CurlFree, Hermite
 from o3dleaf.fitting.local.smoothing_selection import each_ball
-from o3dleaf.fitting.rbf.tail import tail_exponents
+from o3dleaf.fitting.rbf.tail import IntArray, tail_exponents
 
 NAMED_FITTERS: dict[str, type[Hermite | CurlFree | MovingLeastSquares]] = {
     "hermite": Hermite,
@@ -95,3 +101,19 @@ def mean_square_residual(size: int, data: OrientedPoints, tree: cKDTree) -> floa
     with single_threaded_blas():
         squares = np.array(each_ball(residual, np.arange(len(seeds))))
     return float(np.mean(np.where(squares > EXACT * distances[:, -1] ** 2, squares, 0.0)))
+
+
+def left_out_values(data: ScatteredData, fitter: Fitter, rows: IntArray) -> FloatArray:
+    """Return the values (k,) at the points of some rows (k,), in balls around them fitted to the nearest other points.
+
+    None of the rows is among those, so that the values are predictions.
+    """
+    points, places = data.points, data.points[rows]
+    kept = np.delete(np.arange(len(points)), rows)
+    count = min(int(np.max(fitter.points_per_ball)), len(kept))
+    distances, near = query(cKDTree(points[kept]), places, k=[*range(1, count + 1)])
+    radii = np.where(distances[:, -1] > 0, distances[:, -1], 1.0)
+    box, offsets = np.array([places.min(axis=0), places.max(axis=0)]), count * np.arange(len(rows) + 1)
+    cover = Cover(places, radii, box, offsets, np.sort(kept[near], axis=1).ravel())
+    index, local = BallIndex.build(places, radii, box), fitter.fit(cover, data)
+    return np.asarray(local.blend(index, places, level=0, dtype=np.dtype(np.float64))[0])

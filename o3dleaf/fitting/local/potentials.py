@@ -53,7 +53,7 @@ class Hermite:
     falls like spacing⁴ with r⁵, to a hundredth of what values at points beside the surface give. Normals are taken as
     they are: where they are off by an angle ε, as those of planes through neighbors are by about the spacing over the
     radius of curvature, the surface is off by up to ε spacings, more than such values give. The slopes of a fit of
-    values, −∇F at the points, are better ones.
+    values, −∇F at the points, are better ones; `fit_surface` takes them where they are.
 
     Attributes
     ----------

@@ -140,15 +140,15 @@ class _Parted(NamedTuple):
 
 
 def _piece_of(points: FloatArray, options: BladeOptions) -> tuple[FloatArray, FloatArray | None, tuple[str, ...]]:
-    """Return the points of the piece that is asked for, all if none is; those of the others, and a line if some are."""
+    """Return the points of the piece that is asked for, all if none is; those of the others, and lines on them."""
     if options.piece is None:
         return points, None, ()
     sheet = find_sheet(points, piece=options.piece, one_sheet=options.one_sheet)
     own, others = points[sheet.rows], points[sheet.others]
     if not len(others):
-        return own, None, ()
+        return own, None, sheet.off
     line = f"piece {options.piece}: {len(others):,} of the scan's {len(points):,} points belong to other pieces"
-    return own, others, (f"{line}, by which the blade is not judged",)
+    return own, others, (f"{line}, by which the blade is not judged", *sheet.off)
 
 
 @contextmanager

@@ -17,9 +17,11 @@ from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes, split_bow_ties
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.parting import other_layers
+from o3dleaf.leaf.sheet.pieces.crossing import find_crossing
+from o3dleaf.leaf.sheet.pieces.leaf_pair import LeafPair
 from o3dleaf.leaf.sheet.pieces.leftovers import Leftovers, tell_averaging, tell_cuts
 from o3dleaf.leaf.sheet.pieces.necks import find_necks
-from o3dleaf.leaf.sheet.pieces.resting import Resting, find_resting
+from o3dleaf.leaf.sheet.pieces.resting import find_resting
 from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.scan_lines import without_scan_lines
 from o3dleaf.leaf.sheet.widths import (
@@ -83,6 +85,8 @@ class OpenSheet:
         What was left out; None of a sheet that is not the largest of its scan.
     others : (k,) ndarray of int64
         Where a piece was asked for, the points of the scan that belong to other ones.
+    off : tuple of str
+        Where a piece was asked for, a line on what of it lies off the sheet, if more than stragglers does.
     """
 
     vertices: FloatArray
@@ -93,6 +97,7 @@ class OpenSheet:
     notes: tuple[str, ...]
     leftovers: Leftovers | None = None
     others: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
+    off: tuple[str, ...] = ()
 
 
 def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool = True) -> OpenSheet:
@@ -101,8 +106,8 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
     Points are averaged across the surface as much as their noise needs, and more where layers lie closer than four
     spacings and face one way: passes of a scanner that disagree, or the two sides of a thin leaf. Triangles are the
     Delaunay stars of the tangent planes, glued along their edges so that no handle comes about. Layers that averaging
-    does not join are other sheets, and left out. Leaves that rest on one another are told, and parted where one of them
-    is asked for.
+    does not join are other sheets, and left out. Leaves that rest on one another or cross are told, and parted where
+    one of them is asked for.
 
     Parameters
     ----------
@@ -110,7 +115,7 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
         Of a leaf, and whatever else was scanned.
     piece : int, optional
         Which of the pieces and layers, 1 for the largest sheet or, where parts of it hang together by narrow necks or
-        lie on one another, the largest of them; left out, that sheet as a whole.
+        lie on one another or cross, the largest of them; left out, that sheet as a whole.
     one_sheet : bool
         Whether layers that lie close together are one surface. If not, a scan with such layers is refused.
 
@@ -129,17 +134,17 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
         used = usable_rows(scan)
     with finding:
         try:
-            found, resting = _sheet_of(scan, used, one_sheet=one_sheet)
+            found, pair = _sheet_of(scan, used, one_sheet=one_sheet)
         except ReconstructionError as cause:
             apart, number = _pieces_apart(scan, used, piece, cause)
             return _sheet_of_piece(apart, number, one_sheet=one_sheet)
         found = _with_strays(found, scan, used)
-        parts, notes = _parts(scan, found, resting)
+        parts, notes = _parts(scan, found, pair)
         leftovers = Leftovers.of(scan, found.rows, found.vertices, found.triangles, found.spacing, parts)
         if piece is not None and (piece > 1 or parts):
             return _sheet_of_piece(leftovers, piece, one_sheet=one_sheet)
-        if resting is not None:
-            notes = (resting.tell(found.rows, leftovers.listed()),)
+        if pair is not None:
+            notes = (pair.tell(found.rows, leftovers.listed()),)
         others = found.others if piece is None else leftovers.others(piece)
         return replace(found, leftovers=leftovers, notes=(*found.notes, *notes), others=others)
 
@@ -155,13 +160,13 @@ class _Solved(NamedTuple):
     base: float
     rows: IntArray
     others: IntArray = np.empty(0, np.int64)
-    resting: Resting | None = None
+    resting: LeafPair | None = None
 
 
 def _sheet_of_piece(pieces: Leftovers, number: int, *, one_sheet: bool) -> OpenSheet:
     """Return the sheet of the N-th piece of a scan."""
     sheet, _ = _sheet_of(pieces.scan, pieces.piece(number), one_sheet=one_sheet)
-    return replace(sheet, others=pieces.others(number))
+    return replace(sheet, others=pieces.others(number), off=pieces.off_sheet_of(number, sheet.rows))
 
 
 def _pieces_apart(
@@ -179,10 +184,10 @@ def _pieces_apart(
     return apart, piece
 
 
-def _parts(scan: FloatArray, sheet: OpenSheet, resting: Resting | None) -> tuple[tuple[IntArray, ...], tuple[str, ...]]:
+def _parts(scan: FloatArray, sheet: OpenSheet, pair: LeafPair | None) -> tuple[tuple[IntArray, ...], tuple[str, ...]]:
     """Return the rows of each part of a sheet that can be asked for, and a line on necks between them."""
-    if resting is not None:
-        return resting.leaves, ()
+    if pair is not None:
+        return pair.leaves, ()
     necks = find_necks(sheet.vertices, sheet.triangles)
     if necks is None:
         return (), ()
@@ -198,8 +203,8 @@ def _with_strays(sheet: OpenSheet, scan: FloatArray, used: IntArray) -> OpenShee
     return replace(sheet, rows=np.sort(np.concatenate([sheet.rows, rest])))
 
 
-def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> tuple[OpenSheet, Resting | None]:
-    """Return the sheet through the points `pool` (k,) of a scan (n, 3), and leaves of them that rest on one another."""
+def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> tuple[OpenSheet, LeafPair | None]:
+    """Return the sheet through the points `pool` (k,) of a scan (n, 3), and leaves of them that rest or cross."""
     some = pool[thinned(len(pool), -(-len(pool) // MAX_POINTS))]
     some = some[without_scan_lines(scan[some])]
     solved = _solve(scan, some, one_sheet=one_sheet)
@@ -221,14 +226,15 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> tuple[Ope
     of_sheet = np.append(held, np.zeros(len(solved.others), bool))
     nearest = query(cKDTree(scan[made_of]), scan[pool])[1]
     rows = pool[of_sheet[nearest]]
-    resting = None if solved.resting is None else solved.resting.spread(made_of[nearest], pool)
+    pair = find_crossing(scan[made_of], vertices, triangles, spacing, made_of, solved.resting)
+    pair = None if pair is None else pair.spread(made_of[nearest], pool)
     passes = find_passes(scan[solved.rows], sheets)
     joined = len(passes.places) > 0 or bool((solved.width > solved.base).any())
     averaged = tell_averaging(scan[solved.rows], solved.width, solved.base, passes)
     notes = averaged + slits + tell_cuts(sheets.cut, flaps, scan)
     whole = spacing * float(np.sqrt(held.sum() / len(rows)))
     scale = float(solved.width.max()) if joined else 0.0
-    return OpenSheet(vertices, triangles, rows, whole, scale, notes), resting
+    return OpenSheet(vertices, triangles, rows, whole, scale, notes), pair
 
 
 def _opened(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray, tuple[str, ...]]:

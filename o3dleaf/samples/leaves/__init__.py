@@ -8,5 +8,6 @@
 `leaf_scan`   its scans
 `kinds`       curled, twisted, wavy, eaten, lobed, cupped, on a petiole, in two layers
 `resting`     two leaves, one of which rests on the other
+`crossing`    two leaves that cross
 `scan_files`  their scans as files
 """

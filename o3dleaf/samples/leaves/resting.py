@@ -85,9 +85,9 @@ class RestingLeaves:
         curl = 2 * np.radians(self.curl) / self.widths[1]
         upper = LeafShape("curled", Sweep(self.lengths[1], arch=(np.radians(self.bend), 0.0), curl=curl), outlines[1])
         place = (0.5 + self.shift[0]) * self.lengths[0], self.shift[1] * self.widths[0]
-        below = _Pose.of(lower, place, np.eye(3))
+        below = Pose.of(lower, place, np.eye(3))
         turn = Rotation.from_euler("ZY", [self.angle, self.tilt if self.tip else 0.0], degrees=True).as_matrix()
-        above = _Pose.of(upper, ((TIP if self.tip else MIDDLE) * self.lengths[1], 0.0), turn)
+        above = Pose.of(upper, ((TIP if self.tip else MIDDLE) * self.lengths[1], 0.0), turn)
         ground, over = below.moved(lower.mesh(MESH_STEP)[0]), above.moved(upper.mesh(MESH_STEP)[0])
         height = over[:, 2] - LinearNDInterpolator(ground[:, :2], ground[:, 2])(over[:, :2])
         lift = np.array([0.0, 0.0, self.gap * self.spacing - np.nanmin(height)])
@@ -122,14 +122,15 @@ def drawn_leaves(number: int, *, held_out: bool = False) -> RestingLeaves:
     )
 
 
-class _Pose(NamedTuple):
+class Pose(NamedTuple):
     """A motion that carries a place of a leaf to the origin, its tangent plane to the horizontal, and turns it then."""
 
     origin: FloatArray
     turn: FloatArray
 
     @classmethod
-    def of(cls, leaf: LeafShape, place: tuple[float, float], turn: FloatArray) -> "_Pose":
+    def of(cls, leaf: LeafShape, place: tuple[float, float], turn: FloatArray) -> "Pose":
+        """Return the motion for a place (u, v) of a leaf and a rotation (3, 3)."""
         at = np.array([place])
         along, normal = leaf.jacobian(at)[0, :, 0], leaf.normals(at)[0]
         along = along / np.linalg.norm(along)

@@ -84,7 +84,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     rho, smoothing
         How much to smooth, as in `PUInterpolant.fit`; "gcv" leaves points out and takes what predicts them best.
     local : {"rbf", "hermite", "curl-free", "mls", "auto"} or object with a fit
-        What is fitted in the balls, see `fit_surface`; "hermite" and "curl-free" want exact normals.
+        What is fitted in the balls, see `fit_surface`.
     creases : "auto", False or float
         Sharp edges, for "rbf": degrees that normals turn across them at least. "auto" is 30, for clouds whose noise is
         far below their spacing.
@@ -199,8 +199,16 @@ def need_for(points: int) -> Need:
     return need_of(measured.RECONSTRUCTED_POINT * points, f"reconstruct: {points:,} points", cure)
 
 
-def need_for_mesh(cloud: OrientedCloud, spacing: float | None, unit: str | None = None) -> Need:
+def need_for_mesh(
+    cloud: OrientedCloud,
+    spacing: float | None,
+    unit: str | None = None,
+    *,
+    reported: bool = False,
+) -> Need:
     """Return what the surface of a cloud takes in steps of a spacing, or of the one that is chosen where none is given.
+
+    Where the mesh is to be `reported` on, that takes more than to find it.
 
     In steps of 1/√(points per unit area) it has three triangles a point: an area of Σ s², of all points' spacings s.
 
@@ -220,8 +228,10 @@ def need_for_mesh(cloud: OrientedCloud, spacing: float | None, unit: str | None 
     with np.errstate(over="ignore"):
         triangles = float(PER_POINT * np.square(own / steps).sum())
     made = f"{what}: about {in_words(triangles)} triangles"
-    each = measured.FOLLOWED_TRIANGLE if isinstance(steps, float) else measured.DUAL_TRIANGLE
-    return need_of(each * triangles, made, f"give a larger {one} ({apart})", step=float(np.max(steps)))
+    cost = (measured.FOLLOWED_TRIANGLE if isinstance(steps, float) else measured.DUAL_TRIANGLE) * triangles
+    if reported:
+        cost = measured.CHECKED_MESH + measured.CHECKED_TRIANGLE * triangles
+    return need_of(cost, made, f"give a larger {one} ({apart})", step=float(np.max(steps)))
 
 
 def _trimmed(

@@ -3,6 +3,9 @@
 `leftovers`       pieces, layers and branchings that a sheet leaves out
 `necks`           parts of a sheet that hang together by little, as leaves that touch
 `resting`         leaves of which one lies on another
+`arms`            the four arms of leaves that cross, by the rim of both
+`crossing`        leaves that cross, parted
+`leaf_pair`       two leaves of one sheet, and what is said of them
 `minimum_cut`     points parted where the fewest links between neighbors are cut
 `nearer_surface`  points told apart by which of two surfaces they are nearer to
 `slits`           gaps between the margins of a leaf that is rolled up

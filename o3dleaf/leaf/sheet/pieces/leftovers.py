@@ -1,17 +1,20 @@
 """What a sheet leaves of its scan: pieces, layers and branchings, by number, size and place."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.places import tell_middle, tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.sheet.widths import Passes
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.cloud.surfels import thinned
 from o3dleaf.surface.mesh.deviation import nearest_on_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, label_nodes
 
@@ -23,6 +26,8 @@ TOUCHING = 2.0
 """Spacings from the sheet at which another one meets it."""
 FEWEST = 24
 """Points of a piece that can be asked for."""
+SAMPLE = 2000
+"""Points that the area of a piece is told by, at most: their spacing is off by a hundredth."""
 LISTED = 6
 """Pieces that are listed where one has to be chosen."""
 SHOWN = 3
@@ -112,13 +117,24 @@ class Leftovers:
         nearest = query(cKDTree(self.scan[np.concatenate(pieces)]), self.scan)[1]
         return np.flatnonzero(of_piece[nearest] != number)
 
-    @property
+    @cached_property
     def pieces(self) -> tuple[IntArray, ...]:
-        """Rows of all that can be asked for: the sheet and then the groups; where it has parts, the largest first."""
+        """Rows of all that can be asked for: the sheet, then the groups; where it has parts, by falling area."""
         of_parts = np.concatenate([np.empty(0, np.int64), *self.parts])
         groups = tuple(np.setdiff1d(group, of_parts, assume_unique=True) for group in self.groups)
-        pieces = sorted((*self.parts, *groups), key=lambda rows: -len(rows)) if self.parts else (self.held, *groups)
-        return tuple(rows for rows in pieces if len(rows) >= FEWEST)
+        pieces = tuple(rows for rows in (*(self.parts or (self.held,)), *groups) if len(rows) >= FEWEST)
+        return tuple(sorted(pieces, key=lambda rows: -self._area(rows))) if self.parts else pieces
+
+    def off_sheet_of(self, number: int, held: IntArray) -> tuple[str, ...]:
+        """Return a line if more of the N-th piece than stragglers is off the sheet of some rows (k,) that is its."""
+        rows = self.pieces[number - 1]
+        groups = _groups(self.scan, np.setdiff1d(rows, held), LINK * self.spacing)
+        groups = tuple(group for group in groups if len(group) >= FEWEST)
+        if not groups:
+            return ()
+        off = sum(map(len, groups))
+        of = f"{off:,} of its {len(rows):,} points lie off that, the largest group {self._name(groups[0])}"
+        return (f"piece {number} is more than one sheet, of which the largest is taken: {of}; cut the scan there",)
 
     def listed(self) -> str:
         """Return the number of the pieces, and the first of them by number, size and place."""
@@ -174,9 +190,18 @@ class Leftovers:
             notes.append(f"left out: {count:,} point{'s' * (count > 1)} in {size}")
         return tuple(notes)
 
+    def _area(self, rows: IntArray) -> float:
+        """Return the area of a piece, of points as dense as its own are, or if it shows no surface as the sheet's."""
+        some = rows[thinned(len(rows), -(-len(rows) // SAMPLE))]
+        try:
+            spacing = OrientedCloud.of(self.scan[some]).spacing
+        except InputError:
+            return len(rows) * self.spacing**2
+        return len(some) * spacing**2
+
     def _name(self, rows: IntArray) -> str:
-        area = len(rows) * self.spacing**2
-        points = f"{len(rows):,} point{'s' * (len(rows) > 1)} (area about {tell_length(area, 2)})"
+        area = tell_length(self._area(rows), 2)
+        points = f"{len(rows):,} point{'s' * (len(rows) > 1)} (area about {area})"
         return f"{points} at {tell_middle(self.scan[rows], self.scan)}"
 
 

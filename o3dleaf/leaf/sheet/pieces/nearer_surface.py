@@ -120,14 +120,14 @@ def _both_seen(points: FloatArray, first: BoolArray, rows: IntArray, spacing: fl
     elsewhere = np.setdiff1d(np.arange(len(points)), rows)
     if not len(rows) or not len(elsewhere):
         return False
-    usual = _neighbors(points, points[elsewhere], spacing)
+    usual = count_neighbors(points, points[elsewhere], spacing)
     return all(
-        _neighbors(points[first == own], points[rows[first[rows] == own]], spacing) >= BOTH * usual
+        count_neighbors(points[first == own], points[rows[first[rows] == own]], spacing) >= BOTH * usual
         for own in (True, False)
     )
 
 
-def _neighbors(points: FloatArray, places: FloatArray, spacing: float) -> float:
+def count_neighbors(points: FloatArray, places: FloatArray, spacing: float) -> float:
     """Return the median number of points around places, 0 of no places."""
     if not len(places):
         return 0.0

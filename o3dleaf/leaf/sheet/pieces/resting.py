@@ -12,6 +12,7 @@ from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
+from o3dleaf.leaf.sheet.pieces.leaf_pair import LeafPair
 from o3dleaf.leaf.sheet.pieces.minimum_cut import Links, minimum_cut
 from o3dleaf.leaf.sheet.pieces.nearer_surface import tell_by_surface
 from o3dleaf.leaf.sheet.widths import CLEAN, MEETING, MOSTLY, OFF, STEEP, WIDEST
@@ -32,26 +33,6 @@ SIDES = 0.9
 MIN_SHARE = 0.1
 """Share of the points of both that a leaf has at least, as in `find_necks`."""
 BATCH_SIZE = 2048
-
-
-class Resting(NamedTuple):
-    """Rows (k,) of a scan on either leaf, none if they are not told apart, and where they lie on one another."""
-
-    leaves: tuple[IntArray, ...]
-    where: str
-
-    def spread(self, nearest: IntArray, pool: IntArray) -> "Resting":
-        """Return the same of more points `pool` (m,), each of which goes with the `nearest` (m,) of those used."""
-        return self._replace(leaves=tuple(pool[np.isin(nearest, leaf)] for leaf in self.leaves))
-
-    def tell(self, held: IntArray, pieces: str) -> str:
-        """Return a line on what lies on what, how much of a sheet that holds some rows (k,) is the other one's."""
-        said = f"two leaves, or parts of one, lie on one another {self.where}"
-        if not self.leaves:
-            return f"{said}, and touch over so much that nothing shows which points are whose: cut them apart"
-        lesser = min(len(np.intersect1d(held, leaf)) for leaf in self.leaves)
-        joined = f": taken as one sheet, with {lesser:,} points of the lesser" if lesser >= FEWEST else ""
-        return f"{said}{joined}; `piece` takes one of {pieces}"
 
 
 class _TwoLeaves(NamedTuple):
@@ -78,7 +59,7 @@ class _TwoLeaves(NamedTuple):
         return self.lesser < MIN_SHARE * int(np.count_nonzero(self.above | self.below))
 
 
-def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: IntArray) -> Resting | None:
+def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: IntArray) -> LeafPair | None:
     """Return the points of two leaves that lie on one another, one of them with the largest sheet, or None.
 
     A point that lies over another one, along the normal and facing its way, is of the upper leaf, and that one of the
@@ -115,20 +96,21 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
     if side[np.argmax(np.bincount(piece)[piece])] == 0 or parted.is_shred:
         return None
     share = float((upper | lower).mean())
-    where = f"around {tell_middle(points[upper | lower], points)}, {100 * share:.3g} % of the points"
+    at = tell_middle(points[upper | lower], points)
+    said = f"two leaves, or parts of one, lie on one another around {at}, {100 * share:.3g} % of the points"
     if share > SIDES:
         apart = float(np.median(heights))
-        where += (
+        said += (
             f", {tell_length(apart)} apart, as both sides of a leaf are (for one blade between them, thin the scan "
             f"until its points are {tell_length(apart / MEETING)} apart)"
         )
     if not parted.is_narrow:
-        return Resting((), where)
+        return LeafPair((), said, parted.length)
     if parted.length > 0:
-        where += f", and touch along at least {tell_length(parted.length * spacing)}"
+        said += f", and touch along at least {tell_length(parted.length * spacing)}"
     if parted.unsure:
-        where += f" ({parted.unsure:,} points within the noise of both)"
-    return Resting((rows[parted.above], rows[parted.below]), where)
+        said += f" ({parted.unsure:,} points within the noise of both)"
+    return LeafPair((rows[parted.above], rows[parted.below]), said, parted.length)
 
 
 def _facing(sheets: OpenSheets) -> FloatArray:

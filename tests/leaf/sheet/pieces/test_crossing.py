@@ -1,0 +1,127 @@
+"""Leaves that cross are told apart, at the crossing by heights where both are seen; single leaves are one."""
+
+import numpy as np
+import pytest
+
+import o3dleaf as o3l
+from o3dleaf.leaf.sheet.pieces.arms import find_arms
+from o3dleaf.leaf.sheet.sheet import find_sheet
+from o3dleaf.samples.leaves.crossing import drawn_crossing
+from tolerances import CROSSING_AREA, CROSSING_WRONG, NEARER_WRONG, RESTING_WRONG
+
+SAID = "cross around"
+
+
+def told(sheet):
+    return [note for note in sheet.notes if SAID in note]
+
+
+@pytest.mark.parametrize("number", [2, 18, 21, 25, 27], ids=["gap 2", "gap 0", "two densities", "gap 1", "gap 3"])
+def test_two_leaves_that_cross_are_two_pieces(number):
+    scan = drawn_crossing(number).scan()
+    sheet = find_sheet(scan.points)
+    pieces = [np.bincount(scan.leaf[rows], minlength=2) for rows in sheet.leftovers.pieces]
+    assert len(pieces) == 2
+    assert {int(piece.argmax()) for piece in pieces} == {0, 1}
+    for piece in pieces:
+        assert piece.min() <= CROSSING_WRONG * np.bincount(scan.leaf)[piece.argmin()]
+    (note,) = told(sheet)
+    assert note.startswith("two leaves cross")
+    assert f"`piece` takes one of {sheet.leftovers.listed()}" in note
+
+
+def test_where_leaves_touch_points_go_to_the_nearer_of_quadrics_through_those_around():
+    scan = drawn_crossing(18).scan()
+    for rows in find_sheet(scan.points).leftovers.pieces:
+        piece = np.bincount(scan.leaf[rows], minlength=2)
+        assert piece.min() <= NEARER_WRONG * np.bincount(scan.leaf)[piece.argmin()]
+
+
+def test_of_a_leaf_that_another_one_crosses_in_front_of_both_ends_are_seen():
+    leaves = drawn_crossing(7)
+    scan = leaves.scan()
+    sheet = find_sheet(scan.points)
+    (note,) = told(sheet)
+    assert "where one hides the other" in note
+    pieces = [np.bincount(scan.leaf[rows], minlength=2) for rows in sheet.leftovers.pieces]
+    assert sorted(int(piece.argmax()) for piece in pieces) == [0, 0, 1]
+    for piece in pieces:
+        assert piece.min() <= RESTING_WRONG * np.bincount(scan.leaf)[piece.argmin()]
+
+
+def test_points_within_the_noise_of_both_are_told_and_many_where_leaves_touch():
+    """At a gap of one spacing and a noise of a fifth, one in ten or more; at two spacings none."""
+    (near,), (far,) = (told(find_sheet(drawn_crossing(number).scan().points)) for number in (25, 8))
+    said = near.split("nearer to, ")[1]
+    assert "within the noise of both" in said
+    assert int(said.split(" of them")[0].replace(",", "")) > 0.1 * int(near.split(": ")[1].split(" points")[0])
+    assert "within the noise" not in far
+
+
+def test_each_leaf_has_its_area():
+    scan = drawn_crossing(18).scan()
+    for piece, leaf in ((1, 1), (2, 0)):
+        blade = o3l.create_blade(scan.points, unit="mm", options=o3l.BladeOptions(piece=piece))
+        assert blade.outline.area == pytest.approx(scan.areas[leaf], rel=CROSSING_AREA)
+
+
+def lobed(lobes, depth):
+    leaf = o3l.samples.leaf_shape("lobed", length=70, width=60, lobes=lobes, depth=depth)
+    return find_sheet(o3l.samples.scan_leaf(leaf, seed=lobes, spacing=0.8, noise=0.2).points)
+
+
+@pytest.mark.parametrize("lobes", [4, 5, 7])
+@pytest.mark.parametrize("depth", [0.18, 0.3])
+def test_lobes_no_longer_than_wide_are_those_of_one_leaf(lobes, depth):
+    assert not told(lobed(lobes, depth))
+
+
+def test_longer_lobes_are_told_to_show_by_their_outline_alone():
+    (note,) = told(lobed(7, 0.7))
+    assert note.startswith("two leaves, or lobes of one, cross around")
+    assert "may be of either" in note
+
+
+def cross(arm, width, turn=90.0):
+    """A flat mesh of two strips that cross at a square of `width` cells, with arms of `arm` cells beyond it."""
+    size = 2 * arm + width
+    x, y = np.meshgrid(np.arange(size + 1), np.arange(size + 1), indexing="ij")
+    corner = (np.arange(size)[:, np.newaxis] * (size + 1) + np.arange(size)).astype(np.int64)
+    middle = (np.arange(size) >= arm) & (np.arange(size) < arm + width)
+    cells = corner[middle[:, np.newaxis] | middle]
+    one = np.column_stack([cells, cells + size + 1, cells + size + 2])
+    other = np.column_stack([cells, cells + size + 2, cells + 1])
+    used, triangles = np.unique(np.concatenate([one, other]), return_inverse=True)
+    plane = np.column_stack([x.ravel(), y.ravel()])[used] - size / 2
+    angle = np.radians(turn)
+    vertices = np.column_stack([plane @ [[1, 0], [np.cos(angle), np.sin(angle)]], np.zeros(len(plane))])
+    return vertices, triangles.reshape(-1, 3), plane
+
+
+@pytest.mark.parametrize("turn", [90.0, 60.0, 45.0])
+@pytest.mark.parametrize("width", [10, 20])
+def test_the_arms_of_a_cross_are_what_lies_beyond_a_square(width, turn):
+    vertices, triangles, plane = cross(20, width, turn)
+    arms = find_arms(vertices, triangles)
+    away = np.abs(plane).max(axis=1)
+    which = np.where(np.abs(plane[:, 0]) > np.abs(plane[:, 1]), np.sign(plane[:, 0]), 2 * np.sign(plane[:, 1]))
+    beyond, inside = away > width / 2 + 2, away < width / 2 - 2
+    assert (arms.arm[inside] == -1).all()
+    names = [np.unique(arms.arm[beyond & (which == each)]) for each in (1, -1, 2, -2)]
+    assert [len(name) for name in names] == [1] * 4
+    one, opposite, other, last = (int(name[0]) for name in names)
+    assert {one, opposite, other, last} == {0, 1, 2, 3}
+    assert (one - opposite) % 4 == (other - last) % 4 == 2
+
+
+@pytest.mark.parametrize("turn", [90.0, 60.0])
+def test_a_cross_with_short_arms_is_none(turn):
+    """Arms of which the rim is one width and two fifths of one long."""
+    assert find_arms(*cross(4, 20, turn)[:2]) is None
+
+
+def test_a_strip_has_no_arms():
+    vertices, triangles, plane = cross(20, 10)
+    strip = triangles[(np.abs(plane[triangles, 1]) <= 5).all(axis=1)]
+    used, rows = np.unique(strip, return_inverse=True)
+    assert find_arms(vertices[used], rows.reshape(-1, 3)) is None
