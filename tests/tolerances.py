@@ -1247,9 +1247,9 @@ TURNED_NORMALS = 0.02
 REFINED_NORMALS = 0.1
 """Of the error by normals of planes through 30 points, that by the slopes of a fit of values: 0.03 to 0.04."""
 
-STEPS_ASKED_FOR = 0.5
+STEPS_ASKED_FOR = 0.9
 """Share of the points whose leaves are as wide as they ask for, within √2: the others' are narrower, beside denser
-ones. Found 0.8."""
+ones. Found 0.98."""
 
 DUAL_ORDER = 0.3
 """Of the order 2 in which middles of triangles come to a sphere, from one halving of the leaves to the next: 0.1."""
