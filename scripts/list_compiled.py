@@ -42,6 +42,7 @@ JOBS = {
     "reconstruct a noisy ball": "reconstruct {folder}/ball.ply -o {folder}/ball_surface.ply",
     "reconstruct without normals": "reconstruct {folder}/points.ply -o {folder}/points_surface.ply",
     "reconstruct a thin part": "reconstruct {folder}/lens.ply -o {folder}/lens_surface.ply",
+    "reconstruct an uneven roof": "reconstruct {folder}/roof.ply -o {folder}/roof_surface.ply",
     "reconstruct hermite": "reconstruct {folder}/oriented.ply --local hermite -o {folder}/hermite.ply",
     "qa": "qa {folder}/surface.ply --field {folder}/surface.o3l --cloud {folder}/oriented.ply --html {folder}/qa.html",
     "qa of a leaf": "qa {folder}/leaf_surface.ply --cloud {folder}/coarse/leaf.ply --html {folder}/qa_leaf.html",
@@ -88,7 +89,7 @@ def main():
 
 
 def write_clouds(folder):
-    """Write a noisy torus, with normals and, colored, without; a thin lens; and a noisier ball."""
+    """Write a noisy torus, with normals and, colored, without; a thin lens, a noisier ball, an uneven roof."""
     rng = np.random.default_rng(0)
     u, v = rng.uniform(0, 2 * np.pi, (2, 4000))
     normals = np.column_stack([np.cos(u) * np.cos(v), np.sin(u) * np.cos(v), np.sin(v)])
@@ -105,6 +106,9 @@ def write_clouds(folder):
     o3d.io.write_point_cloud(str(folder / "ball.ply"), o3d.geometry.PointCloud(o3d.utility.Vector3dVector(rough)))
     lens = ball * [1, 1, 0.1]
     o3d.io.write_point_cloud(str(folder / "lens.ply"), o3d.geometry.PointCloud(o3d.utility.Vector3dVector(lens)))
+    places = np.concatenate([rng.uniform(-1, 1, (1000, 2)), rng.uniform(-0.1, 0.1, (3000, 2))])
+    roof = np.column_stack([places, -np.abs(places[:, 0])])
+    o3d.io.write_point_cloud(str(folder / "roof.ply"), o3d.geometry.PointCloud(o3d.utility.Vector3dVector(roof)))
 
 
 def run_apart(words, folder, *, keep):

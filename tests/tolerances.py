@@ -1247,6 +1247,23 @@ TURNED_NORMALS = 0.02
 REFINED_NORMALS = 0.1
 """Of the error by normals of planes through 30 points, that by the slopes of a fit of values: 0.03 to 0.04."""
 
+STEPS_ASKED_FOR = 0.9
+"""Share of the points whose leaves are as wide as they ask for, within √2: the others' are narrower, beside denser
+ones. Found 0.98."""
+
+DUAL_ORDER = 0.3
+"""Of the order 2 in which middles of triangles come to a sphere, from one halving of the leaves to the next: 0.1."""
+
+DUAL_SPHERE = 0.2
+"""Of the square of the leaves: middles of a sphere's triangles are off by 0.14 and 0.16."""
+
+DUAL_CREASE = 0.3
+"""Of what leaves chamfer off the edge of a block: what is left where tangent planes meet: 0.15."""
+
+UNEVEN_SURFACE = 0.007
+"""Of the spacing around, middles of a ball's triangles: 0.0013 where it is dense and 0.0043 beside that; of one
+lattice in the steps of most of the area 0.01 where it is dense."""
+
 SLOPES_ERROR = 1.1
 """Error of fits to a first fit's slopes over that of the first fit: 0.9 of "hermite" and 0.6 of "curl-free"."""
 

@@ -42,6 +42,8 @@ LATTICE_POINT = Each(12, 0.12)
 """Of a lattice that is marched whole: a value, a sign, and what the surface takes."""
 FOLLOWED_TRIANGLE = Each(170, 1.0)
 """Of a surface that is followed from seeds: its band of cells."""
+DUAL_TRIANGLE = Each(320, 1.5)
+"""Of a surface that is followed on the leaves of an octree: twice as much, of half as many."""
 VOLUME = Cost(60_000_000)
 """Of a volume that is fitted, whatever its size: the systems of the balls that are solved for at once."""
 FITTED_VOXEL = Each(36, 0.75)

@@ -7,6 +7,7 @@
 `crease_edges`       sharp edges between tangent planes
 `band`               cells that grow across the faces a surface crosses
 `band_surface`       vertices and triangles in those cells
+`octree`             the same in cells as wide as the data around ask for
 `continuation`       a surface followed from seeds
 `remembered`         a field that is asked for its gradient once at each place
 `isosurface`         `extract_isosurface`: any field, over a box or from seeds

@@ -35,7 +35,7 @@ FARTHEST = 1e15
 """Cells from the origin beyond which double precision tells no cell from the next."""
 
 
-def _distinct(keys: IntArray) -> IntArray:
+def distinct(keys: IntArray) -> IntArray:
     """Return the rising keys, each once; `np.unique` hashes, which takes longer where few recur."""
     keys = np.sort(keys)
     return keys[np.append(True, keys[1:] != keys[:-1])] if len(keys) else keys
@@ -116,9 +116,17 @@ class Band:
         """Return the rising keys of the cells that contain points; those too far away to be named are left out."""
         indices = np.floor(points / self.step) - self.base
         near = ((indices >= 1) & (indices < (1 << loops.BITS) - 2)).all(axis=1)
-        keys = np.empty(np.count_nonzero(near), dtype=np.int64)
-        loops.encode(indices[near].astype(np.int64), keys)
-        return _distinct(keys)
+        return distinct(self.keys_of(points[near]))
+
+    def keys_of(self, points: FloatArray) -> IntArray:
+        """Return the keys (n,) of the lattice points at or below points (n, 3)."""
+        keys = np.empty(len(points), dtype=np.int64)
+        loops.encode((np.floor(points / self.step) - self.base).astype(np.int64), keys)
+        return keys
+
+    def widths_at(self, points: FloatArray) -> FloatArray:
+        """Return the longest sides (n,) of the cells that contain points (n, 3)."""
+        return np.full(len(points), self.step.max())
 
     def only(self, cells: IntArray, allowed: Callable[[FloatArray], BoolArray] | None) -> IntArray:
         """Return the cells whose centers pass a test."""
@@ -129,12 +137,18 @@ class Band:
 
         `passed` says whether all that were have passed the test of cells, and need not pass it again.
         """
-        self.field, corners = field, self.crossing().corners
+        corners = self.crossing().corners
         self.before = corners if passed else corners[:0]
+        self.renew(field, where)
+        self.crossed, self.edges = [], None
+
+    def renew(self, field: Field, where: Callable[[FloatArray], BoolArray]) -> None:
+        """Take another field, with its values at the points `where` it may differ; no point is a visited cell's."""
+        self.field = field
         points = self.positions(self.keys[: self.count])
         rows = np.flatnonzero(where(points))
         self.values[rows] = self.ask(points[rows])
-        self.known[:], self.crossed, self.edges = False, [], None
+        self.known[:] = False
 
     def retrace(self, cells: IntArray) -> IntArray:
         """Visit those of the cells `before` that some cells, of rising keys, lead to; return what else they lead to.
@@ -153,7 +167,7 @@ class Band:
         crossed = reached & (codes > 0) & (codes < 255)
         if crossed.any():
             self.crossed.append((self.before[crossed], codes[crossed]))
-        return _distinct(np.concatenate([cells[~again], beyond]))
+        return distinct(np.concatenate([cells[~again], beyond]))
 
     def positions(self, keys: IntArray, shift: float = 0.0) -> FloatArray:
         """Return the (n, 3) positions of lattice points, a share of a cell beyond them along all axes."""
@@ -168,11 +182,7 @@ class Band:
             start, self.count = loops.add_cells(cells, start, self.table, self.keys, self.known, self.count, corners)
             if start < len(cells):
                 self._grow()
-        for i, j in blocks(self.count - known, BATCH_SIZE):
-            rows = slice(known + i, known + j)
-            self.values[rows] = self.ask(self.positions(self.keys[rows]))
-            # The next wave is about as large.
-            progress.report(known + j, max(self.expected, 2 * self.count - known))
+        self.ask_new(known)
         codes = np.empty(len(cells), dtype=np.uint8)
         run_blocks(lambda i, j: loops.read_codes(i, j, self.values, corners, codes), len(cells), BLOCK)
         crossed = (codes > 0) & (codes < 255)
@@ -180,6 +190,14 @@ class Band:
             return np.empty(0, dtype=np.int64)
         self.crossed.append((corners[crossed], codes[crossed]))
         return self._beyond(*self.crossed[-1])
+
+    def ask_new(self, known: int) -> None:
+        """Ask the field at all points but the first `known`."""
+        for i, j in blocks(self.count - known, BATCH_SIZE):
+            rows = slice(known + i, known + j)
+            self.values[rows] = self.ask(self.positions(self.keys[rows]))
+            # The next wave is about as large.
+            progress.report(known + j, max(self.expected, 2 * self.count - known))
 
     def _beyond(self, corners: CornerArray, codes: CodeArray) -> IntArray:
         """Return the rising keys of the cells not visited across the faces of some that the surface crosses."""
@@ -189,7 +207,7 @@ class Band:
             loops.cross_faces(start, stop, corners, codes, self.table, self.keys, self.known, beyond)
 
         run_blocks(task, len(codes), BLOCK)
-        return _distinct(beyond[beyond >= 0])
+        return distinct(beyond[beyond >= 0])
 
     def _grow(self) -> None:
         """Double the room for points."""
@@ -203,6 +221,15 @@ class Band:
         )
         self.table = np.full(2 * room, -1, dtype=np.int32)
         loops.fill_table(self.table, self.keys, self.count)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the surface crosses none of the cells."""
+        return not self.crossed
+
+    def vertices(self) -> FloatArray:
+        """Return where the surface crosses edges (v, 3), the field being linear along them."""
+        return self.crossing().vertices
 
     def crossing(self) -> "Crossing":
         """Return the crossed cells and edges by their keys, with vertices where the field is linear along an edge."""

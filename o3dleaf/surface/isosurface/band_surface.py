@@ -1,6 +1,7 @@
 """The vertices and triangles of the surface in a band: on crossed edges and, over creases, between tangent planes."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -61,26 +62,43 @@ def _sharpen(band: Band, edges: CrossedEdges, vertices: FloatArray) -> None:
 
 
 def _cut(band: Band, box: FloatArray, edges: CrossedEdges, vertices: FloatArray) -> None:
-    """Move the vertices on edges that leave the box onto its faces, or to the level where that comes before.
-
-    Along such an edge the field counts as linear from its end inside to the face.
-    """
+    """Move the vertices on edges that leave the box onto its faces, see `end_on_box`."""
     lower = band.positions(band.keys[edges.lower])
     upper = lower + band.step * (edges.direction[:, np.newaxis] >> np.arange(3) & 1)
-    rows = np.flatnonzero(band.is_outside(box, lower) != band.is_outside(box, upper))
+    rows, places = end_on_box(band, box, Ends(lower, upper, edges.here, edges.there))
+    vertices[rows] = places
+
+
+class Ends(NamedTuple):
+    """Both ends (e, 3) of edges, and the values (e,) there."""
+
+    lower: FloatArray
+    upper: FloatArray
+    here: FloatArray
+    there: FloatArray
+
+
+def end_on_box(band: Band, box: FloatArray, ends: Ends) -> tuple[IntArray, FloatArray]:
+    """Return which edges (e,) leave the box, and where the solid ends on them.
+
+    That is on a face of the box, or on the level where that comes before: along such an edge the field counts as linear
+    from its end inside to the face.
+    """
+    rows = np.flatnonzero(band.is_outside(box, ends.lower) != band.is_outside(box, ends.upper))
     if not len(rows):
-        return
-    inner = np.where((edges.here[rows] > 0)[:, np.newaxis], lower[rows], upper[rows])
-    face = np.clip(np.where((edges.here[rows] > 0)[:, np.newaxis], upper[rows], lower[rows]), *box)
-    here, there = np.maximum(edges.here[rows], edges.there[rows]), band.values_at(face)
+        return rows, np.empty((0, 3))
+    lower, upper, here, there = (each[rows] for each in ends)
+    inner = np.where((here > 0)[:, np.newaxis], lower, upper)
+    face = np.clip(np.where((here > 0)[:, np.newaxis], upper, lower), *box)
+    here, there = np.maximum(here, there), band.values_at(face)
     share = np.where(there > 0, 1.0, here / np.maximum(here - there, np.finfo(np.float64).tiny))
-    vertices[rows] = np.where((share == 1.0)[:, np.newaxis], face, inner + share[:, np.newaxis] * (face - inner))
+    return rows, np.where((share == 1.0)[:, np.newaxis], face, inner + share[:, np.newaxis] * (face - inner))
 
 
 def _crease(band: Band, crossing: Crossing) -> tuple[FloatArray, IntArray]:
     """Return vertices and triangles with a vertex more in each loop of a cell whose normals disagree."""
     corners, codes, numbering, edges, vertices = crossing
-    normals = _unit_gradients(band.field, vertices)
+    normals = unit_gradients(band.field, vertices)
     creases, drawn = np.empty((2, len(codes)), dtype=np.int64)
 
     def count(start: int, stop: int) -> None:
@@ -111,7 +129,7 @@ def _crease(band: Band, crossing: Crossing) -> tuple[FloatArray, IntArray]:
     return vertices, triangles
 
 
-def _unit_gradients(field: Field, points: FloatArray) -> FloatArray:
+def unit_gradients(field: Field, points: FloatArray) -> FloatArray:
     """Return the (n, 3) gradients of a field at points (n, 3), divided by their lengths."""
     normals = np.empty_like(points)
     for i, j in blocks(len(points), BATCH_SIZE):

@@ -18,6 +18,8 @@ from o3dleaf.core.newton import project_to_level
 from o3dleaf.core.trees import query
 from o3dleaf.surface.isosurface.band import Band
 from o3dleaf.surface.isosurface.band_surface import draw_band
+from o3dleaf.surface.isosurface.octree.dual_surface import draw_leaves
+from o3dleaf.surface.isosurface.octree.octree_band import OctreeBand
 
 SEED_BLOCK = 4
 """One seed is used of those in a block of so many cells along each axis; the band grows from one to the next."""
@@ -92,8 +94,26 @@ class Continuation:
         box: FloatArray | None = None,
     ) -> "Continuation":
         """Follow the surface, as `continue_from_seeds` does."""
-        thin, allowed = _thin(seeds, step), _as_test(within, seeds)
-        continued = cls(Band.around(seeds, field, level, step, box), thin, allowed, not callable(within))
+        return cls._followed(Band.around(seeds, field, level, step, box), _thin(seeds, step), seeds, within)
+
+    @classmethod
+    def on_octree(
+        cls,
+        field: Field,
+        steps: FloatArray,
+        seeds: FloatArray,
+        level: float,
+        *,
+        within: Within | None,
+        box: FloatArray | None = None,
+    ) -> "Continuation":
+        """Follow the surface on leaves about as wide as the steps (n,) of the seeds (n, 3) around, see `OctreeBand`."""
+        band = OctreeBand.on_steps(seeds, steps, field, level, box)
+        return cls._followed(band, band.thinned(seeds), seeds, within)
+
+    @classmethod
+    def _followed(cls, band: Band, thin: FloatArray, seeds: FloatArray, within: Within | None) -> "Continuation":
+        continued = cls(band, thin, _as_test(within, seeds), not callable(within))
         continued.band.expected = POINTS_PER_SEED * len(thin)
         continued._follow()
         return continued
@@ -119,8 +139,10 @@ class Continuation:
         self._follow()
 
     def draw(self, *, sharpen: bool, features: bool, exact: Field | None = None) -> tuple[FloatArray, IntArray]:
-        """Return vertices and triangles, see `draw_band`."""
+        """Return vertices and triangles, see `draw_band` and `draw_leaves`, which always sharpens."""
         ends = self.allowed is not None
+        if isinstance(self.band, OctreeBand):
+            return draw_leaves(self.band, ends=ends, features=features, exact=exact)
         return draw_band(self.band, sharpen=sharpen, ends=ends, features=features, exact=exact)
 
     def _follow(self) -> None:
@@ -134,7 +156,7 @@ class Continuation:
         with growing:
             while len(cells):
                 cells = band.only(band.advance(cells), self.allowed)
-        if not band.crossed:
+        if band.is_empty:
             raise ReconstructionError(
                 f"seeds: none of {len(self.seeds)} leads to a cell that the surface {band.level:g} crosses; give "
                 "points near it, or a finer spacing"

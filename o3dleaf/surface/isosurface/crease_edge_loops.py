@@ -98,7 +98,7 @@ def draw_creases(
         while LOOPS[code, entry]:
             length = loop_vertices(code, entry, corners[cell], numbering, numbers)
             if is_creased(numbers, length, normals, least):
-                _add_planes(numbers, length, vertices, normals, planes, crease)
+                add_planes(numbers, length, vertices, normals, planes, crease)
                 planes.of_cell[crease] = cell
                 for n in range(length):
                     triangles[row, 0], triangles[row, 1] = numbers[n], numbers[(n + 1) % length]
@@ -121,7 +121,7 @@ def draw_creases(
 
 
 @njit(nogil=True, cache=True)
-def _add_planes(numbers, length, vertices, normals, planes, crease):
+def add_planes(numbers, length, vertices, normals, planes, crease):
     """Add up the tangent planes at the vertices of a creased loop."""
     square, right, middle = planes.squares[crease], planes.right[crease], planes.middle[crease]
     square[:], right[:], middle[:] = 0.0, 0.0, 0.0

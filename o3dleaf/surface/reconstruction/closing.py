@@ -20,7 +20,7 @@ from o3dleaf.fitting.pu.single_blend import SingleBlend
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.isosurface.remembered import RememberedField
 from o3dleaf.surface.mesh.topology import find_holes, label_nodes
-from o3dleaf.surface.reconstruction.extract import NearSurface, quick_field
+from o3dleaf.surface.reconstruction.extract import NearSurface, finest_spacing, quick_field
 from o3dleaf.surface.reconstruction.overshoots import NO_SITES, WIDE, FreeSites, Surroundings
 from o3dleaf.surface.reconstruction.proximity import Mask, distance_mask
 
@@ -71,12 +71,11 @@ def follow_surface(
         What the data say of the space around them; None to follow the field as it is.
     cloud : OrientedCloud
     spacing : float or None
-        Step of the lattice, see `NearSurface`.
+        Step of the lattice, see `NearSurface`; None for those that the data ask for.
     fitted_to : callable
         ``fitted_to() -> ScatteredData``: what the field was fitted to, see `surface_data`.
     """
-    finest = min(np.inf if spacing is None else spacing, float(np.median(cloud.point_spacing)))
-    quick = quick_field(field, finest)
+    quick = quick_field(field, finest_spacing(cloud, spacing))
     asked = RememberedField(quick)
     following, drawing = progress.split(*SHARES)
     with following:
@@ -95,7 +94,7 @@ def follow_surface(
             sites = looking.sites(asked, over) if len(over) else NO_SITES
             if not len(sites.sites):
                 break
-            places = max(places, _count_places(over, surface.step))
+            places = max(places, _count_places(over, surface.widths_at(over)))
             data = _joined(fitted_to() if data is None else data, sites)
             known = FreeSites(*(np.concatenate(pair) for pair in zip(known, sites, strict=True)))
             changed, field = partial(field.index.share_ball, sites.sites), field.with_points(data, len(sites.sites))
@@ -135,10 +134,11 @@ def verdict(followed: Followed, around: Surroundings, mesh: o3d.geometry.Triangl
     return f"{opened}; its data are a sheet: winding number {around.level:.2f} on them, ½ on a closed one", False
 
 
-def _count_places(places: FloatArray, step: float) -> int:
-    """Return how many groups the vertices (n, 3) of a surface on a lattice make, those of one cell being together."""
-    pairs = cKDTree(places).query_pairs(np.sqrt(3) * step, output_type="ndarray")
-    return len(np.unique(label_nodes(pairs[:, 0], pairs[:, 1], len(places))))
+def _count_places(places: FloatArray, widths: FloatArray) -> int:
+    """Return how many groups the vertices (n, 3) of a surface make, those within a cell's diagonal being together."""
+    near = cKDTree(places).query_ball_point(places, np.sqrt(3) * widths)
+    one = np.repeat(np.arange(len(places)), [len(each) for each in near])
+    return len(np.unique(label_nodes(one, np.concatenate(near).astype(np.int64), len(places))))
 
 
 def _joined(data: ScatteredData, free: FreeSites) -> ScatteredData:

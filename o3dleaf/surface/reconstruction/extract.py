@@ -41,7 +41,7 @@ MAX_TRIANGLES = 200_000
 PER_POINT = 3.0
 """Triangles for each point of a mesh whose step is the cloud's spacing."""
 MAX_UNEVEN = 2.0
-"""Times the triangles of an even cloud of as many points that the mesh of an uneven one may have."""
+"""Times the triangles of an even cloud of as many points that the mesh of one in even steps may have."""
 SEEN = 1e-3
 """Share of a step that single precision may be off in most balls, and a few times as much in the worst: noise is a
 hundred times that, and vertices of a clean cloud are placed in double precision."""
@@ -74,24 +74,25 @@ class NearSurface:
 
     @classmethod
     def of(cls, field: PUInterpolant | RememberedField, cloud: CloudLike, spacing: float | None) -> "NearSurface":
-        """Follow the surface as far as four spacings beyond the data, on a lattice of that step or of `mesh_step`."""
+        """Follow the surface as far as four spacings beyond the data, in steps of a spacing or of `chosen_steps`."""
         data = OrientedCloud.of(cloud)
         noisy = spacing is None and data.is_measurable and not data.is_clean
-        if spacing is None:
-            spacing, dense = chosen_step(data)
-            if spacing > dense:
-                asked = f"{tell_length(spacing)}, as most of the area asks, not {tell_length(dense)}, as most points do"
-                journal.note(f"density differs much: the mesh step is {asked}; spacing sets another")
-        steps = as_step(require_positive(spacing, "spacing"))
+        steps = chosen_steps(data) if spacing is None else require_positive(spacing, "spacing")
         creased = isinstance(exact_field(field).local, LocalCreasedSplines)
-        seeds, box = data.points, field.bounds
-        continued = Continuation.of(field, steps, seeds, 0.0, within=distance_mask(data), box=box)
-        return cls(data, continued, creased, not noisy)
+        seeds, mask, box = data.points, distance_mask(data), field.bounds
+        if isinstance(steps, float):
+            followed = Continuation.of(field, as_step(steps), seeds, 0.0, within=mask, box=box)
+        else:
+            followed = Continuation.on_octree(field, steps, seeds, 0.0, within=mask, box=box)
+            told = f"{tell_length(float(steps.min()))} to {tell_length(float(steps.max()))}"
+            journal.note(
+                f"density differs much: mesh steps go with the spacing around, {told}; spacing sets one for all"
+            )
+        return cls(data, followed, creased, not noisy)
 
-    @property
-    def step(self) -> float:
-        """Step of the lattice."""
-        return float(self.followed.band.step[0])
+    def widths_at(self, places: FloatArray) -> FloatArray:
+        """Return the sides (n,) of the cells that contain places (n, 3)."""
+        return self.followed.band.widths_at(places)
 
     def change(
         self,
@@ -103,8 +104,8 @@ class NearSurface:
         self.followed.change(field, where, within)
 
     def vertices(self) -> FloatArray:
-        """Return where the surface crosses the lattice (n, 3), before its vertices are sharpened."""
-        return self.followed.band.crossing().vertices
+        """Return the vertices (n, 3) before they are sharpened."""
+        return self.followed.band.vertices()
 
     def mesh(self) -> o3d.geometry.TriangleMesh:
         """Return the surface with the creases of the field as edges, cut beside the lines along which sheets meet."""
@@ -130,12 +131,29 @@ def exact_field(field: Any) -> PUInterpolant:
     return exact
 
 
-def chosen_step(data: OrientedCloud) -> tuple[float, float]:
-    """Return the step of the mesh of a cloud where none is given, and the one that most of its points ask for."""
+def chosen_steps(data: OrientedCloud) -> float | FloatArray:
+    """Return the step of the mesh of a cloud where none is given or, where density differs much, those of its points.
+
+    Where few points cover most of the area, as of a scan from one place, the step that most points ask for would make
+    more than twice the triangles of an even cloud; a longer one would lose the surface where points are dense.
+    """
     noisy = data.is_measurable and not data.is_clean and not _is_thin(data)
     noise = data.noise / data.spacing if noisy else 0.0
-    dense = mesh_step(float(np.median(data.point_spacing)), len(data), noise)
-    return max(dense, least_step(data.point_spacing, noise)), dense
+    if is_uneven(data.point_spacing):
+        return data.point_spacing * mesh_step(1.0, len(data), noise)
+    return mesh_step(float(np.median(data.point_spacing)), len(data), noise)
+
+
+def is_uneven(point_spacing: FloatArray) -> bool:
+    """Return whether the area per point, the mean square of all spacings (n,), is over twice that of most points."""
+    return bool(np.mean(np.square(point_spacing)) > MAX_UNEVEN * np.median(point_spacing) ** 2)
+
+
+def finest_spacing(data: OrientedCloud, spacing: float | None) -> float:
+    """Return a length that no vertex must be off by a hundredth of: a spacing, if given, or of the data."""
+    if spacing is None and is_uneven(data.point_spacing):
+        return float(data.point_spacing.min())
+    return min(np.inf if spacing is None else spacing, float(np.median(data.point_spacing)))
 
 
 def mesh_step(spacing: float, count: int, noise: float = 0.0) -> float:
@@ -146,16 +164,6 @@ def mesh_step(spacing: float, count: int, noise: float = 0.0) -> float:
     """
     least = min(MIN_STEP * (1 + max(noise - CLEAN, 0.0)), NOISY_STEP)
     return spacing * float(np.clip(np.sqrt(PER_POINT * count / MAX_TRIANGLES), least, 1.0))
-
-
-def least_step(point_spacing: FloatArray, noise: float = 0.0) -> float:
-    """Return the step below which the mesh has more than twice the triangles of an even cloud of as many points (n,).
-
-    The area per point is the mean square of their spacings: where few points cover most of the area, as of a scan from
-    one place, the step that their median asks for is shorter.
-    """
-    mean = float(np.sqrt(np.mean(np.square(point_spacing))))
-    return mesh_step(mean, len(point_spacing), noise) / float(np.sqrt(MAX_UNEVEN))
 
 
 def _is_thin(data: OrientedCloud) -> bool:

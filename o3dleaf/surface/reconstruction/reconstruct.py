@@ -31,7 +31,7 @@ from o3dleaf.surface.cloud.preprocess import preprocess_point_cloud
 from o3dleaf.surface.reconstruction.along_mesh import find_inverted_regions
 from o3dleaf.surface.reconstruction.attributes import interpolate_attributes
 from o3dleaf.surface.reconstruction.closing import Closed, Followed, follow_surface, surroundings, verdict
-from o3dleaf.surface.reconstruction.extract import PER_POINT, chosen_step
+from o3dleaf.surface.reconstruction.extract import PER_POINT, chosen_steps
 from o3dleaf.surface.reconstruction.finish import AUTO, SHOWN, field_normals, finish_mesh
 from o3dleaf.surface.reconstruction.fit import Constrain, fit_surface, surface_data
 from o3dleaf.surface.reconstruction.overshoots import Surroundings
@@ -79,7 +79,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         With outward normals or without.
     spacing : float, optional
         Step of the lattice that the mesh is made on, in the cloud's unit; left out, 0.6 spacings of the cloud, 0.8
-        where it is noisy, or up to one of a large cloud.
+        where it is noisy, or up to one of a large cloud. Where density differs much these are the spacings around, and
+        the mesh is the dual of an octree.
     rho, smoothing
         How much to smooth, as in `PUInterpolant.fit`; "gcv" leaves points out and takes what predicts them best.
     local : {"rbf", "hermite", "curl-free", "mls", "auto"} or object with a fit
@@ -223,14 +224,14 @@ def need_for_mesh(
     if spacing is not None and spacing > size:
         cure = f"give a smaller one ({apart})"
         raise InputError(f"spacing: is {told(spacing)}, and the cloud {told(size)} long; {cure}")
-    step = chosen_step(cloud)[0] if spacing is None else spacing
+    steps = chosen_steps(cloud) if spacing is None else require_positive(spacing, "spacing")
     with np.errstate(over="ignore"):
-        triangles = float(PER_POINT * np.square(own / require_positive(step, "spacing")).sum())
+        triangles = float(PER_POINT * np.square(own / steps).sum())
     made = f"{what}: about {in_words(triangles)} triangles"
-    cost = measured.FOLLOWED_TRIANGLE * triangles
+    cost = (measured.FOLLOWED_TRIANGLE if isinstance(steps, float) else measured.DUAL_TRIANGLE) * triangles
     if reported:
         cost = measured.CHECKED_MESH + measured.CHECKED_TRIANGLE * triangles
-    return need_of(cost, made, f"give a larger {one} ({apart})", step=step)
+    return need_of(cost, made, f"give a larger {one} ({apart})", step=float(np.max(steps)))
 
 
 def _trimmed(

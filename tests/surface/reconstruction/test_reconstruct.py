@@ -22,8 +22,8 @@ from o3dleaf.surface.reconstruction.extract import (
     MAX_UNEVEN,
     SEEN,
     NearSurface,
-    chosen_step,
-    least_step,
+    chosen_steps,
+    is_uneven,
     mesh_step,
     quick_field,
 )
@@ -34,8 +34,10 @@ from tolerances import (
     NOISY_SURFACE,
     PLANE_FIELD,
     RIM_AREA,
+    ROUNDING,
     SINGLE_PLACED,
     SINGLE_SURFACE,
+    STEPS_ASKED_FOR,
     UNSHARPENED,
 )
 
@@ -244,7 +246,7 @@ def test_points_without_a_surface_are_told_at_the_line_that_called():
 
 @pytest.mark.parametrize("spacing", [None, 0.02])
 def test_a_mesh_that_memory_has_no_room_for_is_refused_before_the_fit(spacing, monkeypatch):
-    """In steps that the points ask for as in those that are given: triangles by the area, 1/n a point, over the step's.
+    """In steps that the points ask for as in those that are given: triangles by the area, over the square of the step.
 
     Here a tenth of the points have most of the area: by the median of the spacings it would be a hundredth.
     """
@@ -259,9 +261,9 @@ def test_a_mesh_that_memory_has_no_room_for_is_refused_before_the_fit(spacing, m
         create_from_point_cloud_rbfpu(cloud, spacing, prepare=OrientedCloud.of)
     told = str(refused.value)
     assert re.search(rf"give a larger {'one' if spacing else 'spacing'} \(the points are .* apart\), .* or more", told)
-    step = spacing or chosen_step(cloud)[0]
     triangles = float(told.partition("about ")[2].split()[0].replace(",", ""))
-    assert triangles == pytest.approx(3.0 * 4.0 / step**2, rel=MESH_NEED)
+    expected = 3.0 * 4.0 / spacing**2 if spacing else 3.0 * len(cloud) / mesh_step(1.0, len(cloud)) ** 2
+    assert triangles == pytest.approx(expected, rel=MESH_NEED)
 
 
 @pytest.mark.parametrize("seed", [0, 3])
@@ -406,26 +408,30 @@ def test_the_step_of_the_mesh():
     assert 1.2 < mesh_step(2.0, 5_000, 0.2) < mesh_step(2.0, 5_000, 0.3) < mesh_step(2.0, 5_000, 3.0) < 2.0
 
 
-def test_an_uneven_cloud_has_no_more_than_twice_the_triangles_of_an_even_one():
-    """The area of the points is Σ s², and the triangles go with area/step²: as many a point as in an even cloud."""
-    even = np.full(5_000, 2.0)
-    assert least_step(even) < mesh_step(2.0, 5_000)
-    assert least_step(np.append(even, np.full(1_000, 3.0))) < mesh_step(2.0, 6_000)
-    sparse = np.append(even, np.full(1_000, 40.0))
-    triangles = (sparse**2).sum() / least_step(sparse) ** 2
-    assert triangles / len(sparse) == pytest.approx(MAX_UNEVEN / mesh_step(1.0, len(sparse)) ** 2)
+def test_a_cloud_is_uneven_where_one_lattice_would_have_too_many_triangles():
+    """In the steps that most points ask for, over twice those of an even cloud: the area of points is Σ s²."""
+    sparse = 2.0 * np.sqrt((MAX_UNEVEN - 1) * 50)
+    for spacing, uneven in ((0.99 * sparse, False), (np.hypot(1.01 * sparse, 2), True)):
+        assert is_uneven(np.append(np.full(4_900, 2.0), np.full(100, spacing))) is uneven
 
 
 @pytest.mark.parametrize("patch", [0, 2_000])
-def test_a_step_longer_than_most_points_ask_for_is_told(patch, monkeypatch):
+def test_mesh_steps_go_with_the_spacing_of_uneven_clouds_and_that_is_told(patch, monkeypatch):
     rng, told = np.random.default_rng(4), []
     monkeypatch.setattr(extract.journal, "note", told.append)
     places = np.vstack([rng.uniform(0, 10, (1_000, 2)), rng.uniform(4, 5, (patch, 2))])
     cloud = OrientedCloud.of(np.pad(places, ((0, 0), (0, 1))), np.tile([0.0, 0, 1], (len(places), 1)))
-    near = NearSurface.of(fit_surface(cloud), cloud, None)
-    dense = mesh_step(float(np.median(cloud.point_spacing)), len(cloud))
-    assert near.step == pytest.approx(max(dense, least_step(cloud.point_spacing)))
+    field = fit_surface(cloud)
+    widths = NearSurface.of(field, cloud, None).widths_at(cloud.points)
+    asked = chosen_steps(cloud)
+    if patch:
+        assert np.mean(np.abs(np.log2(widths / asked)) <= 0.5) > STEPS_ASKED_FOR
+        assert np.all(widths <= asked * np.sqrt(2) * (1 + ROUNDING))
+    else:
+        assert np.all(widths == mesh_step(float(np.median(cloud.point_spacing)), len(cloud)))
     assert ["density differs" in line for line in told] == [True] * bool(patch)
+    assert np.ptp(NearSurface.of(field, cloud, 0.5).widths_at(cloud.points)) == 0
+    assert len(told) == bool(patch)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.15, 0.4])
@@ -440,7 +446,7 @@ def test_vertices_are_placed_more_exactly_than_linearly_where_no_noise_hides_it(
         vertices, _ = mesh_arrays(replace(surface, sharp=sharp).mesh())
         errors.append(np.abs(solid(vertices)).mean())
     assert errors[0] < UNSHARPENED * errors[1] if noise else errors[1] < errors[0] / 1.5
-    assert NearSurface.of(fit_surface(cloud), cloud, surface.step).sharp
+    assert NearSurface.of(fit_surface(cloud), cloud, chosen_steps(cloud)).sharp
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.4])
@@ -453,7 +459,7 @@ def test_single_precision_is_not_seen_on_a_surface(noise):
     surfaces = [NearSurface.of(each, cloud, None) for each in (field, quick)]
     (vertices, triangles), (single, same) = (mesh_arrays(each.mesh()) for each in surfaces)
     np.testing.assert_array_equal(triangles, same)
-    off = np.linalg.norm(single - vertices, axis=1) / surfaces[0].step
+    off = np.linalg.norm(single - vertices, axis=1) / chosen_steps(cloud)
     assert 0 < off.max() < SINGLE_SURFACE
     assert noise or np.median(off) < SINGLE_PLACED
 
@@ -485,8 +491,7 @@ def test_noise_lengthens_the_step_but_where_two_sides_are_near():
         slopes = normals / [1, 1, thickness]
         slopes /= np.linalg.norm(slopes, axis=1, keepdims=True)
         cloud = OrientedCloud.of(points * [1, 1, thickness] + noise, slopes)
-        surface = NearSurface.of(fit_surface(cloud, local="hermite"), cloud, None)
-        steps.append(surface.step / mesh_step(float(np.median(cloud.point_spacing)), len(cloud)))
+        steps.append(chosen_steps(cloud) / mesh_step(float(np.median(cloud.point_spacing)), len(cloud)))
     assert steps[0] > 1.1
     assert steps[1] == pytest.approx(1.0)
 
