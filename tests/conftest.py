@@ -203,12 +203,17 @@ def real_scan() -> Callable[[str], Path]:
 
 @pytest.fixture
 def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw with a sixteenth of the pixels, for tests to which a picture is one file among others: each costs light."""
+    """Draw with a sixteenth of the pixels, for tests to which a picture is one file among others: each costs light.
+
+    An inset has a quarter of the steps along each side, likewise.
+    """
+    from o3dleaf.output.view import leaf_picture
     from o3dleaf.output.view.maps import render_residuals
     from o3dleaf.output.view.picture import render
 
     for draw in (render, render_residuals):
         monkeypatch.setitem(inspect.unwrap(draw).__kwdefaults__, "size", (400, 250))
+    monkeypatch.setattr(leaf_picture, "STEPS", leaf_picture.STEPS // 4)
 
 
 @pytest.fixture(scope="session")

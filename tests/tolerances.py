@@ -834,8 +834,8 @@ PERIMETER_OF_CHORDS = 1e-5
 """The root of a margin's length by chords, of half a spacing on a cylinder, against the arcs: found 4e-7."""
 
 ERRORS_OF_AREAS = (0.4, 1.6)
-"""Root mean square of twelve areas' errors over their deviations: sixteen have 0.8 to 1.0; chance moves it by a
-fifth."""
+"""Root mean square of eight areas' errors over their deviations: sixteen have 0.8 to 1.0; chance moves it by a
+quarter."""
 
 SHARED_OF_WAVES = 0.35
 """What neighbors share of waves four spacings long: found 0.1 to 0.31 less than their root mean square, as neighbors

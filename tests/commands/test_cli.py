@@ -355,7 +355,7 @@ def test_info_tells_what_a_file_of_an_unknown_type_could_be(run, tmp_path, name,
 def test_points_with_the_papers_intensity_are_a_volume_whose_unit_is_asked_for(run, tmp_path):
     places = np.argwhere(np.ones((4, 5, 6), dtype=bool))
     lines = [f"element vertex {len(places)}", *(f"property float {name}" for name in "xyzf")]
-    numbers = [" ".join(map(str, (*place, i % 7))) for i, place in enumerate(places.tolist())]
+    numbers = [" ".join(map(str, (*place, i % 2))) for i, place in enumerate(places.tolist())]
     text = ["ply", "format ascii 1.0", *lines, "end_header", *numbers]
     (tmp_path / "ct.ply").write_text("\n".join(text) + "\n")
     result = run("info", tmp_path / "ct.ply")
@@ -419,7 +419,7 @@ def test_each_command_has_help(run, command):
 def test_a_patch_is_fitted_once_and_used_as_a_model(run, files, tmp_path):
     fitted = run("patch", files / "ct.tif", "-o", tmp_path / "micro.o3l")
     assert fitted.returncode == 0, fitted.stderr
-    window = ("--spacing", 0.1, "--region", 20, -1, 22, 1, "--no-picture", "-q", "--midrib", files / "midrib.ply")
+    window = ("--spacing", 0.2, "--region", 20, -1, 22, 1, "--no-picture", "-q", "--midrib", files / "midrib.ply")
     for name, ct in {"model": tmp_path / "micro.o3l", "volume": files / "ct.tif"}.items():
         result = run("leaf", files / "scan.ply", "--ct", ct, *window, "-o", tmp_path / f"{name}.ply")
         assert result.returncode == 0, result.stderr

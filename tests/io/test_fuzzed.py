@@ -25,7 +25,7 @@ EXTRAS = {
     "aim": "py_aimio", "hdf5": "h5py", "zarr": "zarr",
 }  # fmt: skip
 EXAMPLES = {"packed-dicom": 50, "zarr": 40, "dicom": 60}
-"""Of those that take long: packed DICOM is unpacked in a process of its own. Of others 200."""
+"""Of those that take long: packed DICOM is unpacked in a process of its own. Of others 100."""
 SLOW = [pytest.param(name, marks=pytest.mark.slow) if name == "packed-dicom" else name for name in NAMES]
 
 
@@ -56,7 +56,7 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(damaged, name):
     module, whole_files = damaged
     reader, (folder, files) = module.READERS[name], whole_files(name)
 
-    @settings(max_examples=EXAMPLES.get(name, 200))
+    @settings(max_examples=EXAMPLES.get(name, 100))
     @given(which=st.integers(0, len(files) - 1), other=st.integers(0, len(files) - 1), edits=EDITS)
     def check(which, other, edits):
         file, content = files[which]

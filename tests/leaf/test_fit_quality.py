@@ -134,13 +134,13 @@ def test_the_area_is_known_as_well_as_its_margin(spacing, noise, told):
 
 
 def test_areas_of_random_scans_err_as_they_are_said_to():
-    """Of twelve scans of a flat ellipse the errors over their deviations are of the size of one."""
+    """Of eight scans of a flat ellipse the errors over their deviations are of the size of one."""
     outline = shapely.Point(0, 0).buffer(1, 256)
     outline = shapely.affinity.scale(outline, 30, 18)
     errors = []
-    for seed in range(12):
+    for seed in range(8):
         random = np.random.default_rng(seed)
-        places = random.uniform(outline.bounds[:2], outline.bounds[2:], (600, 2))
+        places = random.uniform(outline.bounds[:2], outline.bounds[2:], (250, 2))
         points = np.pad(places[shapely.contains_xy(outline, *places.T)], ((0, 0), (0, 1)))
         quality = FitQuality.of(create_blade(points, unit="mm"), points)
         errors.append((quality.area[0] - outline.area) / quality.area_deviation)
@@ -148,11 +148,10 @@ def test_areas_of_random_scans_err_as_they_are_said_to():
     assert least < np.sqrt(np.mean(np.square(errors))) < most
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1.0])
-@pytest.mark.parametrize("share", [0.3, 1.0])
+@pytest.mark.parametrize(("scale", "share"), [(1e-3, 0.3), (1.0, 1.0)])
 def test_points_that_are_there_twice_change_no_figure(scale, share):
     """What repeats others up to single precision is told by its share, and nothing else."""
-    points = scale * BLADE.scan(SPACING, 0.2)[0]
+    points = scale * BLADE.scan(2 * SPACING, 0.2)[0]
     again = np.random.default_rng(8).random(len(points)) < share
     unit = {1.0: "mm", 1e-3: "m"}[scale]
     scans = points, np.concatenate([points, points[again].astype(np.float32)])
@@ -164,12 +163,12 @@ def test_points_that_are_there_twice_change_no_figure(scale, share):
         assert other[name] == one[name]
 
 
-@pytest.mark.parametrize("kind", ["lobed", "petiole"])
-def test_points_behind_the_edge_are_told_with_the_area_that_they_add(kind):
+@pytest.mark.parametrize(("kind", "spacing"), [("lobed", 1.1), ("petiole", 1.0)])
+def test_points_behind_the_edge_are_told_with_the_area_that_they_add(kind, spacing):
     """Between the edge of a leaf and what is behind it a scanner sees points, which the blade takes in."""
     leaf = leaf_shape(kind)
     for flying in (0.0, 4.0):
-        points = scan_leaf(leaf, spacing=0.7, noise=0.2, flying=flying, seed=3).points
+        points = scan_leaf(leaf, spacing=spacing, noise=0.2, flying=flying, seed=3).points
         quality = FitQuality.of(create_blade(points, unit="mm"), points)
         told = [line for line in quality.warnings if "of the margin" in line]
         if not flying:
@@ -180,7 +179,7 @@ def test_points_behind_the_edge_are_told_with_the_area_that_they_add(kind):
         assert quality.bent.area == pytest.approx(quality.area[0] / leaf.area - 1, rel=AREA_OF_STRIPS)
         rim = leaf.lift(np.concatenate(leaf.margin_places(0.5)))
         for place in quality.bent.places:
-            assert np.linalg.norm(rim - place.center, axis=1).min() < (flying + 1) * 0.7
+            assert np.linalg.norm(rim - place.center, axis=1).min() < (flying + 1) * spacing
 
 
 @pytest.mark.parametrize(("radius", "told"), [(6.0, False), (2.0, True)])
@@ -266,7 +265,7 @@ def test_the_read_out_of_a_piece_is_that_of_a_scan_of_this_piece():
 
 def test_a_piece_that_was_asked_for_is_what_its_blade_is_judged_by(tmp_path):
     large, small = (
-        scan_leaf(leaf_shape("cupped", length=length, width=20), seed=0, spacing=0.9).points for length in (30, 24)
+        scan_leaf(leaf_shape("cupped", length=length, width=20), seed=0, spacing=1.1).points for length in (30, 24)
     )
     points = np.concatenate([small + [0, 60, 0], large])
     for piece, own, other in ((1, large, small), (2, small, large)):
@@ -279,7 +278,7 @@ def test_a_piece_that_was_asked_for_is_what_its_blade_is_judged_by(tmp_path):
         assert f"piece {piece}: {len(other):,} of the scan's {len(points):,} points" in line
         write_model(blade, tmp_path / "blade.o3l")
         assert FitQuality.of(load(tmp_path / "blade.o3l"), points).to_dict() == quality.to_dict()
-    assert create_blade(large, unit="mm", options=BladeOptions(piece=1)).notes == create_blade(large, unit="mm").notes
+    assert create_blade(small, unit="mm", options=BladeOptions(piece=1)).notes == create_blade(small, unit="mm").notes
 
 
 def test_a_scan_beside_the_blade_altogether_is_told():

@@ -10,7 +10,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
-from leaf_fields import MAIN_FRAME
+from leaf_fields import FRAMES, MAIN_FRAME
 from o3dleaf import (
     BladeOptions,
     HeightMapBlade,
@@ -46,13 +46,12 @@ PAPER = BladeOptions(frame="paper")
 
 @pytest.fixture(scope="module")
 def blade_in(wheat):
-    """The blade in a frame, with the midrib picked by hand; in the paper's of half the points, unless all are asked."""
+    """The blade in a frame, with the midrib picked by hand, of half the points unless all are asked for."""
 
     @cache
-    def made(frame, every=None):
+    def made(frame, every=2):
         scan, midrib = wheat
-        some = scan.uniform_down_sample(every or (2 if frame == "paper" else 1))
-        return create_blade(some, midrib, options=BladeOptions(frame=frame))
+        return create_blade(scan.uniform_down_sample(every), midrib, options=BladeOptions(frame=frame))
 
     return made
 
@@ -106,8 +105,9 @@ def test_the_blade_of_the_real_leaf(wheat, blade):
 
 
 @pytest.mark.slow
-def test_the_height_map_of_all_points_of_the_real_leaf(wheat, blade_in):
-    check_blade(blade_in("paper", 1), wheat[0])
+@pytest.mark.parametrize("frame", FRAMES)
+def test_the_blade_of_all_points_of_the_real_leaf(wheat, blade_in, frame):
+    check_blade(blade_in(frame, 1), wheat[0])
 
 
 @pytest.mark.slow

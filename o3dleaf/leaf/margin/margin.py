@@ -217,7 +217,8 @@ def _rings(region: SampleRegion, local: Spacing, noise: float) -> list[FloatArra
     outer = area_of(0)
     if outer.is_empty:
         raise ReconstructionError("the points cover no area in the chart; give a denser scan")
-    sample = with_edge_noise(*_start(outer, local, hole=False), sample)
+    begun = _start(outer, local, hole=False)
+    sample = with_edge_noise(*begun, sample)
     curves = []
     for number in range(len(rings)):
         area = area_of(number) if number or sample.noise != noise else outer
@@ -225,7 +226,8 @@ def _rings(region: SampleRegion, local: Spacing, noise: float) -> list[FloatArra
             continue
         if number and area.area < MIN_HOLE * np.median(local(shapely.get_coordinates(area.exterior))) ** 2:
             continue  # no hole, once the leaf around it is whole
-        curves.append(_finished(area, sample, hole=bool(number)))
+        start = begun if area is outer else _start(area, local, hole=bool(number))
+        curves.append(_finished(*start, sample))
     return curves
 
 
@@ -245,13 +247,12 @@ def _start(area: shapely.Polygon, local: Spacing, *, hole: bool) -> tuple[FloatA
     return (curve[::-1], np.empty((0, 2))) if hole else with_tips(curve, local)
 
 
-def _finished(area: shapely.Polygon, sample: EdgeSample, *, hole: bool) -> FloatArray:
-    """Return the outer ring of an area as the margin, a simple curve.
+def _finished(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> FloatArray:
+    """Return the ring of an area as the margin, a simple curve.
 
-    Sharp tips are found first, as the curve is free to turn there; the less the sample is a lattice, the more the
+    Its sharp tips are known, as the curve is free to turn there; the less the sample is a lattice, the more the
     curve is that of greatest likelihood.
     """
-    curve, apexes = _start(area, sample.local, hole=hole)
     if sample.randomness > 0:
         fitted = resample(with_ends(fit_edge(curve, apexes, sample), sample), sample.local)[0]
         curve = fitted if shapely.Polygon(fitted).is_valid else curve  # narrower than two points: it crosses itself

@@ -35,14 +35,14 @@ def with_tips(curve: FloatArray, spacing: Spacing) -> tuple[FloatArray, FloatArr
     spacing : Spacing
     """
     local = spacing(curve)
-    turns = _turns(curve)
+    turns, rounds = _turns(curve), np.vstack([curve] * 3)
     found: list[tuple[int, int, FloatArray]] = []
     for center in np.argsort(-turns):
         if turns[center] < np.pi - BLUNTEST - 0.6:
             break
         if any(_between(center, start, stop, len(curve)) for start, stop, _ in found):
             continue
-        tip = _tip(curve, int(center), float(local[center]))
+        tip = _tip(rounds, int(center), float(local[center]))
         if tip is None or any(_overlap(tip, other, len(curve)) for other in found):
             continue
         if shapely.Polygon(replaced(curve, [*found, tip])).is_valid:
@@ -63,46 +63,50 @@ def _turns(curve: FloatArray) -> FloatArray:
     return turns
 
 
-def _tip(curve: FloatArray, center: int, spacing: float) -> tuple[int, int, FloatArray] | None:
-    """Return where the rounded tip begins and ends, and the curve (k, 2) to put there; None for no sharp one."""
-    count = len(curve)
+def _tip(rounds: FloatArray, center: int, spacing: float) -> tuple[int, int, FloatArray] | None:
+    """Return where the rounded tip begins and ends, and the curve (k, 2) to put there; None for no sharp one.
+
+    `rounds` is three times the curve, so that what lies around a place of it is a slice.
+    """
+    count = len(rounds) // 3
     for width in WIDTHS:
-        middle, first = _centered(curve, center, width * spacing)
+        middle, first = _centered(rounds, center, width * spacing)
         if first >= count // 4:
             continue
-        arc = curve[(middle + np.arange(-first, first + 1)) % count]
+        arc = rounds[count + middle - first : count + middle + first + 1]
         flanks = _flanks(arc, spacing)
         if flanks is not None and _holds(flanks, arc, spacing):
             return (middle - first) % count, (middle + first) % count, flanks
     return None
 
 
-def _centered(curve: FloatArray, center: int, width: float) -> tuple[int, int]:
+def _centered(rounds: FloatArray, center: int, width: float) -> tuple[int, int]:
     """Return the place of a tip that is farthest out, and the steps from it to where the flanks are `width` apart."""
-    count = len(curve)
+    count = len(rounds) // 3
     first = count
     for _ in range(3):
-        wide = _first_apart(curve, center, width)
+        wide = _first_apart(rounds, center, width)
         if wide is None:
             return center, count
         first = wide
-        around = (center + np.arange(-first, first + 1)) % count
-        arc = curve[around]
-        last, center = center, int(around[np.argmax(np.linalg.norm(arc - (arc[0] + arc[-1]) / 2, axis=1))])
+        arc = rounds[count + center - first : count + center + first + 1]
+        x, y = (arc - (arc[0] + arc[-1]) / 2).T
+        last, center = center, (center - first + int(np.argmax(np.sqrt(x * x + y * y)))) % count
         if center == last:
             break
     return center, first
 
 
-def _first_apart(curve: FloatArray, center: int, width: float) -> int | None:
+def _first_apart(rounds: FloatArray, center: int, width: float) -> int | None:
     """Return the steps to both sides of a place until the curve is `width` apart; None where it never is."""
-    start, stop, count = 1, 1 + NEARBY, len(curve)
+    start, stop, count = 1, 1 + NEARBY, len(rounds) // 3
+    middle = count + center
     while start < count // 2:
-        offsets = np.arange(start, min(stop, count // 2))
-        across = np.hypot(*(curve[(center + offsets) % count] - curve[(center - offsets) % count]).T)
+        last = min(stop, count // 2)
+        across = np.hypot(*(rounds[middle + start : middle + last] - rounds[middle - start : middle - last : -1]).T)
         wide = np.flatnonzero(across >= width)
         if len(wide):
-            return int(offsets[wide[0]])
+            return start + int(wide[0])
         start, stop = stop, 2 * stop
     return None
 

@@ -27,8 +27,10 @@ import sys
 from o3dleaf.commands.cli import main
 from o3dleaf.core.compiled.signatures import called
 from o3dleaf.output.report import shots
+from o3dleaf.output.view import leaf_picture
 from o3dleaf.output.view.picture import render
 render.__wrapped__.__kwdefaults__["size"], shots.FINER = (400, 250), 0.5  # pixels do not decide what is called
+leaf_picture.STEPS = 50  # nor do the steps of an inset
 folder = sys.argv[1]
 for words in (
     "demo --samples {0} --spacing 1 -o {0}",

@@ -208,10 +208,10 @@ def _fitted_once(monkeypatch):
 
 
 @pytest.mark.usefixtures("_fitted_once")
-@pytest.mark.parametrize("kind", ["twisted", "petiole"])
-def test_a_margin_that_is_hidden_is_told_and_completed_where_that_is_asked_for(kind):
+@pytest.mark.parametrize(("kind", "spacing"), [("twisted", 0.9), ("petiole", 1.2)])
+def test_a_margin_that_is_hidden_is_told_and_completed_where_that_is_asked_for(kind, spacing):
     leaf = o3l.samples.leaf_shape(kind)
-    scan = o3l.samples.scan_leaf(leaf, seed=0, spacing=0.9, noise=0.2, gaps="margin")
+    scan = o3l.samples.scan_leaf(leaf, seed=0, spacing=spacing, noise=0.2, gaps="margin")
     seen = o3l.create_blade(scan.points, unit="mm")
     assert seen.outline.area == pytest.approx(leaf.area * (1 - scan.hidden_share), rel=tol.HIDDEN_AREA)
     assert any("complete_margin" in note for note in seen.notes)

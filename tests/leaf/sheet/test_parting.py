@@ -8,7 +8,7 @@ from o3dleaf.leaf.sheet.parting import other_layers, part_layers
 from o3dleaf.leaf.sheet.sheet import find_sheet
 from o3dleaf.leaf.sheet.widths import find_layers
 
-STEP = 0.6
+STEP = 0.8
 
 
 def patch(seed, low, high, height=0.0):

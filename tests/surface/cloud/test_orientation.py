@@ -144,7 +144,15 @@ def test_sheets_closer_than_their_spacing_still_face_away_from_one_another(spaci
     assert spacings > 1 or any("close together" in note for note in cloud.notes)
 
 
-@pytest.mark.parametrize(("solid", "seed"), [(fold, 1), (fold, 3), (fins, 5), (fins, 6)])
+@pytest.mark.parametrize(
+    ("solid", "seed"),
+    [
+        (fold, 1),
+        pytest.param(fold, 3, marks=pytest.mark.slow),
+        (fins, 5),
+        pytest.param(fins, 6, marks=pytest.mark.slow),
+    ],
+)
 def test_thin_parts_close_to_one_another_have_their_sides_under_noise(solid, seed):
     """Two spacings thick, noise of 0.4, 0.5: neighborhoods reach other sheets, and groups do not show their sides."""
     points, normals = solid().sample(10_000)

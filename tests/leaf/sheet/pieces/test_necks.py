@@ -63,7 +63,7 @@ def test_what_narrows_by_less_or_to_an_end_is_one_part(outline):
 def test_leaves_that_touch_are_told_and_taken_one_by_one():
     """The end of a smaller leaf meets the side of another."""
     one, other = (o3l.samples.leaf_shape("cupped", length=size, width=0.7 * size) for size in (60.0, 48.0))
-    first, second = (o3l.samples.scan_leaf(leaf, spacing=0.8, noise=0.1, seed=3).points for leaf in (one, other))
+    first, second = (o3l.samples.scan_leaf(leaf, spacing=0.9, noise=0.1, seed=3).points for leaf in (one, other))
     second = Rotation.from_euler("zx", [70, 50], degrees=True).apply(second)
     second += first[first[:, 1].argmax()] - second[second[:, 1].argmin()]
     points = np.concatenate([first, second])
