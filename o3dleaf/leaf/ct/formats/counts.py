@@ -14,6 +14,7 @@ from o3dleaf.leaf.ct.formats import hdf5, ome_zarr, tiff
 from o3dleaf.leaf.ct.formats.bare import NPY
 from o3dleaf.leaf.ct.formats.read import open_volume
 from o3dleaf.leaf.ct.formats.slices import slices_in
+from o3dleaf.leaf.ct.formats.tiff_pages import require_whole_chain
 from o3dleaf.leaf.ct.volume import slices_in as slices_of_box
 
 VOXEL_BYTES = 2
@@ -81,5 +82,6 @@ def _in_file(path: Path) -> int:
 
 
 def _in_tiff(path: Path) -> int:
+    require_whole_chain(path)  # tifffile follows pages that lead back to one before without end
     with tiff.complaints(path), tifffile.TiffFile(path) as file:
         return int(np.prod(file.series[0].shape, dtype=object))

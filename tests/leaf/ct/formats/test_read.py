@@ -2,6 +2,7 @@
 
 import errno
 import logging
+import struct
 import sys
 
 import numpy as np
@@ -10,6 +11,8 @@ import tifffile
 
 import o3dleaf as o3l
 from o3dleaf import Volume, read_volume, write_volume
+from o3dleaf.core.errors import InputError
+from o3dleaf.leaf.ct.formats.counts import count_voxels
 from tolerances import ROUND_TRIP_SPACING
 
 
@@ -273,3 +276,20 @@ def test_a_file_of_an_unknown_kind_is_told_by_its_content(tmp_path, head, says):
     (tmp_path / "scan.001").write_bytes(head)
     with pytest.raises(o3l.errors.InputError, match=says):
         read_volume(tmp_path / "scan.001", spacing=1.0)
+
+
+def test_pages_that_lead_back_to_one_before_are_refused_and_not_counted_without_end(tmp_path):
+    path = tmp_path / "ct.tif"
+    with tifffile.TiffWriter(path, byteorder="<") as tiff:
+        for side in (8, 9, 8):
+            tiff.write(np.zeros((side, side), np.uint8), metadata=None, photometric="minisblack")
+    with tifffile.TiffFile(path) as tiff:
+        first, *_, last = (page.offset for page in tiff.pages)
+    content = bytearray(path.read_bytes())
+    following = last + 2 + 12 * struct.unpack_from("<H", content, last)[0]
+    assert content[following : following + 4] == bytes(4)
+    content[following : following + 4] = struct.pack("<I", first)
+    path.write_bytes(content)
+    assert count_voxels(path) == 0
+    with pytest.raises(InputError, match="page 4 is not where it is said to be"):
+        read_volume(path)
