@@ -47,11 +47,11 @@ def choose_step(scan: CloudLike, thickness: float | None, blade: Blade | None = 
     InputError
         If most points of the scan lie on a line or in one place.
     """
-    # What lies far off does not move a median, and is not looked for.
     whose = "scan"
     if blade is not None and blade.other_pieces is not None:
         points = points_of(scan, "scan")
         scan, whose = points[rows_of_piece(blade, points)], "piece"
+    # What lies far off does not move a median, and is not looked for.
     spacing = float(f"{remove_faults(scan, None).spacing:.1e}")
     fine = math.inf if thickness is None else _to_round_number(thickness / STEPS_PER_PATCH)
     if fine <= spacing:

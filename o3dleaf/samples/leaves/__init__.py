@@ -1,13 +1,14 @@
 """Leaves of any shape, each an outline in the plane and a known surface over it.
 
-`outlines`    outlines in the plane
-`plane_mesh`  triangles of a polygon with holes, and integrals over it
-`sweep`       the surface: a circular arc carried along a curve
-`margin`      closest points of a lifted margin
-`leaf_shape`  outline and surface together, as a Field
-`leaf_scan`   its scans
-`kinds`       curled, twisted, wavy, eaten, lobed, cupped, on a petiole, in two layers
-`resting`     two leaves, one of which rests on the other
-`crossing`    two leaves that cross
-`scan_files`  their scans as files
+`outlines`        outlines in the plane
+`plane_mesh`      triangles of a polygon with holes, and integrals over it
+`sweep`           the surface: a circular arc carried along a curve
+`margin`          closest points of a lifted margin
+`leaf_shape`      outline and surface together, as a Field
+`leaf_scan`       its scans
+`kinds`           curled, twisted, wavy, eaten, lobed, cupped, on a petiole, in two layers
+`leaf_pair_scan`  scans of two leaves
+`resting`         two leaves, one of which rests on the other
+`crossing`        two leaves that cross
+`scan_files`      their scans as files
 """

@@ -3,15 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from scipy.spatial.transform import Rotation
-from shapely.geometry import Polygon
 
-from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.samples.leaves.leaf_scan import draw_places
+from o3dleaf.samples.leaves.leaf_pair_scan import LeafPairScan, Pose, scan_leaf_pair
 from o3dleaf.samples.leaves.leaf_shape import LeafShape
 from o3dleaf.samples.leaves.outlines import long_outline, oval_outline
-from o3dleaf.samples.leaves.resting import MESH_STEP, Pose, RestingScan
 from o3dleaf.samples.leaves.sweep import Sweep
 
 GAPS, NOISES, DENSITIES = (0.0, 1.0, 2.0, 3.0, 5.0, 8.0), (0.0, 0.2, 0.5), (1.0, 2.0)
@@ -62,7 +58,7 @@ class CrossingLeaves:
     spacing: float = 0.8
     seed: int = 0
 
-    def scan(self) -> RestingScan:
+    def scan(self) -> LeafPairScan:
         """Return the points of both."""
         rng = np.random.default_rng(self.seed)
         leaves = [self._leaf(number) for number in range(2)]
@@ -72,18 +68,8 @@ class CrossingLeaves:
             for leaf, shift, length, motion in zip(leaves, self.shifts, self.lengths, (np.eye(3), turn), strict=True)
         ]
         spacings = np.array([self.spacing / np.sqrt(self.density), self.spacing])
-        clouds = [
-            pose.moved(leaf.lift(draw_places(leaf, float(spacing), "random", rng)))
-            for leaf, pose, spacing in zip(leaves, poses, spacings, strict=True)
-        ]
-        clouds[1] += [0.0, 0.0, self.gap * self.spacing]
-        if self.hidden:
-            cover = Polygon(poses[1].moved(leaves[1].margin(MESH_STEP)[0])[:, :2])
-            clouds[0] = clouds[0][~shapely.contains_xy(cover, *clouds[0][:, :2].T)]
-        counts = np.array([len(cloud) for cloud in clouds])
-        points: FloatArray = np.concatenate(clouds)
-        points += rng.normal(0.0, self.noise * self.spacing, points.shape)
-        return RestingScan(points, np.repeat([0, 1], counts), counts * spacings**2)
+        lift, noise = self.gap * self.spacing, self.noise * self.spacing
+        return scan_leaf_pair(leaves, poses, lift, spacings, hidden=self.hidden, noise=noise, rng=rng)
 
     def _leaf(self, number: int) -> LeafShape:
         length, width = self.lengths[number], self.widths[number]

@@ -1,34 +1,19 @@
 """Two leaves of known shape of which one rests on the other, and a scan of both that says which points are whose."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-import shapely
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial.transform import Rotation
-from shapely.geometry import Polygon
 
-from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.samples.leaves.leaf_scan import draw_places
+from o3dleaf.samples.leaves.leaf_pair_scan import MESH_STEP, LeafPairScan, Pose, scan_leaf_pair
 from o3dleaf.samples.leaves.leaf_shape import LeafShape
 from o3dleaf.samples.leaves.outlines import long_outline, oval_outline
 from o3dleaf.samples.leaves.sweep import Sweep
 
 MIDDLE, TIP = 0.5, 0.93
 """Of the upper leaf's length, the place that is laid onto the lower one."""
-MESH_STEP = 0.5
-"""Step in millimeters of the meshes that tell how far one leaf is above the other."""
 GAPS, NOISES = (0.0, 0.5, 1.0, 2.0), (0.0, 0.2, 0.5)
-
-
-class RestingScan(NamedTuple):
-    """Points (n, 3) of two leaves, which leaf each is of (n,), 0 the lower and 1 the upper, and the areas seen (2,)."""
-
-    points: FloatArray
-    leaf: IntArray
-    areas: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +59,7 @@ class RestingLeaves:
     spacing: float = 0.8
     seed: int = 0
 
-    def scan(self) -> RestingScan:
+    def scan(self) -> LeafPairScan:
         """Return the points of both."""
         rng = np.random.default_rng(self.seed)
         outlines = [
@@ -90,15 +75,10 @@ class RestingLeaves:
         above = Pose.of(upper, ((TIP if self.tip else MIDDLE) * self.lengths[1], 0.0), turn)
         ground, over = below.moved(lower.mesh(MESH_STEP)[0]), above.moved(upper.mesh(MESH_STEP)[0])
         height = over[:, 2] - LinearNDInterpolator(ground[:, :2], ground[:, 2])(over[:, :2])
-        lift = np.array([0.0, 0.0, self.gap * self.spacing - np.nanmin(height)])
-        first = below.moved(lower.lift(draw_places(lower, self.spacing, "random", rng)))
-        second = above.moved(upper.lift(draw_places(upper, self.spacing, "random", rng))) + lift
-        if self.hidden:
-            cover = Polygon(above.moved(upper.margin(MESH_STEP)[0])[:, :2])
-            first = first[~shapely.contains_xy(cover, *first[:, :2].T)]
-        points, counts = np.concatenate([first, second]), np.array([len(first), len(second)])
-        points += rng.normal(0.0, self.noise * self.spacing, points.shape)
-        return RestingScan(points, np.repeat([0, 1], counts), counts * self.spacing**2)
+        spacings, lift = np.full(2, self.spacing), self.gap * self.spacing - float(np.nanmin(height))
+        noise = self.noise * self.spacing
+        poses = below, above
+        return scan_leaf_pair((lower, upper), poses, lift, spacings, hidden=self.hidden, noise=noise, rng=rng)
 
 
 def drawn_leaves(number: int, *, held_out: bool = False) -> RestingLeaves:
@@ -120,23 +100,3 @@ def drawn_leaves(number: int, *, held_out: bool = False) -> RestingLeaves:
         shift=(rng.uniform(-0.15, 0.15), rng.uniform(-0.15, 0.15)),
         seed=number + (500 if held_out else 0),
     )
-
-
-class Pose(NamedTuple):
-    """A motion that carries a place of a leaf to the origin, its tangent plane to the horizontal, and turns it then."""
-
-    origin: FloatArray
-    turn: FloatArray
-
-    @classmethod
-    def of(cls, leaf: LeafShape, place: tuple[float, float], turn: FloatArray) -> "Pose":
-        """Return the motion for a place (u, v) of a leaf and a rotation (3, 3)."""
-        at = np.array([place])
-        along, normal = leaf.jacobian(at)[0, :, 0], leaf.normals(at)[0]
-        along = along / np.linalg.norm(along)
-        frame = np.stack([along, np.cross(normal, along), normal])
-        return cls(leaf.lift(at)[0], turn @ frame)
-
-    def moved(self, points: FloatArray) -> FloatArray:
-        """Return points (n, 3) moved."""
-        return np.asarray((points - self.origin) @ self.turn.T)
