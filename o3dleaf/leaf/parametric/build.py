@@ -146,9 +146,9 @@ def _piece_of(points: FloatArray, options: BladeOptions) -> tuple[FloatArray, Fl
     sheet = find_sheet(points, piece=options.piece, one_sheet=options.one_sheet)
     own, others = points[sheet.rows], points[sheet.others]
     if not len(others):
-        return own, None, sheet.off
+        return own, None, sheet.off_sheet
     line = f"piece {options.piece}: {len(others):,} of the scan's {len(points):,} points belong to other pieces"
-    return own, others, (f"{line}, by which the blade is not judged", *sheet.off)
+    return own, others, (f"{line}, by which the blade is not judged", *sheet.off_sheet)
 
 
 @contextmanager

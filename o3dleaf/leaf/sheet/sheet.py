@@ -85,7 +85,7 @@ class OpenSheet:
         What was left out; None of a sheet that is not the largest of its scan.
     others : (k,) ndarray of int64
         Where a piece was asked for, the points of the scan that belong to other ones.
-    off : tuple of str
+    off_sheet : tuple of str
         Where a piece was asked for, a line on what of it lies off the sheet, if more than stragglers does.
     """
 
@@ -97,7 +97,7 @@ class OpenSheet:
     notes: tuple[str, ...]
     leftovers: Leftovers | None = None
     others: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
-    off: tuple[str, ...] = ()
+    off_sheet: tuple[str, ...] = ()
 
 
 def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool = True) -> OpenSheet:
@@ -166,7 +166,7 @@ class _Solved(NamedTuple):
 def _sheet_of_piece(pieces: Leftovers, number: int, *, one_sheet: bool) -> OpenSheet:
     """Return the sheet of the N-th piece of a scan."""
     sheet, _ = _sheet_of(pieces.scan, pieces.piece(number), one_sheet=one_sheet)
-    return replace(sheet, others=pieces.others(number), off=pieces.off_sheet_of(number, sheet.rows))
+    return replace(sheet, others=pieces.others(number), off_sheet=pieces.off_sheet_of(number, sheet.rows))
 
 
 def _pieces_apart(

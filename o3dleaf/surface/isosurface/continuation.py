@@ -18,7 +18,7 @@ from o3dleaf.core.newton import project_to_level
 from o3dleaf.core.trees import query
 from o3dleaf.surface.isosurface.band import Band
 from o3dleaf.surface.isosurface.band_surface import draw_band
-from o3dleaf.surface.isosurface.octree.dual_surface import draw_leaves
+from o3dleaf.surface.isosurface.octree.dual_surface import draw_dual
 from o3dleaf.surface.isosurface.octree.octree_band import OctreeBand
 
 SEED_BLOCK = 4
@@ -139,10 +139,10 @@ class Continuation:
         self._follow()
 
     def draw(self, *, sharpen: bool, features: bool, exact: Field | None = None) -> tuple[FloatArray, IntArray]:
-        """Return vertices and triangles, see `draw_band` and `draw_leaves`, which always sharpens."""
+        """Return vertices and triangles, see `draw_band` and `draw_dual`, which always sharpens."""
         ends = self.allowed is not None
         if isinstance(self.band, OctreeBand):
-            return draw_leaves(self.band, ends=ends, features=features, exact=exact)
+            return draw_dual(self.band, ends=ends, features=features, exact=exact)
         return draw_band(self.band, sharpen=sharpen, ends=ends, features=features, exact=exact)
 
     def _follow(self) -> None:

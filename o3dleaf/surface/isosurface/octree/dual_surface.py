@@ -30,7 +30,7 @@ SHARES = (1, 4, 1)
 """About how long tracing, placing and cutting polygons take."""
 
 
-def draw_leaves(
+def draw_dual(
     band: OctreeBand, *, ends: bool, features: bool, exact: Field | None = None
 ) -> tuple[FloatArray, IntArray]:
     """Return vertices and triangles by the keys of leaves and edges, made manifold where the band `ends`.

@@ -20,7 +20,7 @@ DIAGONALLY = AROUND[(AROUND != 0).all(axis=1)]
 """Those eight of them whose parents are the parents of all."""
 
 
-class Leaves(NamedTuple):
+class OctreeLeaves(NamedTuple):
     """Leaves of an octree: keys and levels (c,), nodes that count and nodes inside (c,), 27 bits each, and nodes' rows.
 
     `nodes` is (c, 27), −1 where none counts.
@@ -32,9 +32,9 @@ class Leaves(NamedTuple):
     inside: IntArray
     nodes: npt.NDArray[np.int32]
 
-    def take(self, rows: npt.NDArray[np.generic]) -> "Leaves":
+    def take(self, rows: npt.NDArray[np.generic]) -> "OctreeLeaves":
         """Return some of them, by a mask or by their numbers."""
-        return Leaves(*(each[rows] for each in self))
+        return OctreeLeaves(*(each[rows] for each in self))
 
 
 @dataclass(frozen=True, eq=False)

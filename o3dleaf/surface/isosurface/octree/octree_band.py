@@ -13,7 +13,7 @@ from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.isosurface.band import BLOCK, Band, distinct
 from o3dleaf.surface.isosurface.band_loops import BITS
 from o3dleaf.surface.isosurface.octree import octree_loops as loops
-from o3dleaf.surface.isosurface.octree.octree import Leaves, Octree
+from o3dleaf.surface.isosurface.octree.octree import Octree, OctreeLeaves
 from o3dleaf.surface.isosurface.octree.traced import TracedLoops
 
 SEED_LEVELS = 2
@@ -31,14 +31,14 @@ class OctreeBand(Band):
     Attributes
     ----------
     octree : Octree
-    leaves : list of Leaves
+    leaves : list of OctreeLeaves
         Those that the surface crosses, wave by wave.
     loops : TracedLoops or None
         What all of them make, once it was asked for.
     """
 
     octree: Octree = attribute(kw_only=True)
-    leaves: list[Leaves] = attribute(default_factory=list)
+    leaves: list[OctreeLeaves] = attribute(default_factory=list)
     loops: TracedLoops | None = None
 
     @classmethod
@@ -116,7 +116,7 @@ class OctreeBand(Band):
         self.leaves.append(leaves.take(crossed))
         return self._across(self.leaves[-1])
 
-    def _enter(self, cells: IntArray) -> Leaves:
+    def _enter(self, cells: IntArray) -> OctreeLeaves:
         """Return leaves by their keys, the field having been asked at their nodes."""
         split, (keys, levels) = self.octree.split, self.octree.leaves_at(cells)
         present, inside = np.empty((2, len(cells)), dtype=np.int64)
@@ -129,9 +129,9 @@ class OctreeBand(Band):
                 self._grow()
         self.ask_new(known)
         run_blocks(lambda i, j: loops.read_insides(i, j, self.values, nodes, inside), len(cells), BLOCK)
-        return Leaves(keys, levels, present, inside, nodes)
+        return OctreeLeaves(keys, levels, present, inside, nodes)
 
-    def _across(self, leaves: Leaves) -> IntArray:
+    def _across(self, leaves: OctreeLeaves) -> IntArray:
         """Return the rising keys of the leaves not visited across the faces of some that the surface crosses."""
         split, beyond = self.octree.split, np.empty((len(leaves.keys), 24), dtype=np.int64)
 
@@ -144,7 +144,7 @@ class OctreeBand(Band):
     def traced(self) -> TracedLoops:
         """Return the loops of crossed edges of all leaves, by the leaves' keys."""
         if self.loops is None:
-            leaves = Leaves(*(np.concatenate(part) for part in zip(*self.leaves, strict=True)))
+            leaves = OctreeLeaves(*(np.concatenate(part) for part in zip(*self.leaves, strict=True)))
             self.loops = TracedLoops.of(self, leaves.take(np.argsort(leaves.keys)))
         return self.loops
 

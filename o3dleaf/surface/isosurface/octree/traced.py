@@ -12,7 +12,7 @@ from o3dleaf.surface.isosurface.band import BLOCK, Band
 from o3dleaf.surface.isosurface.band_surface import Ends, end_on_box
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
 from o3dleaf.surface.isosurface.octree import tracing_loops
-from o3dleaf.surface.isosurface.octree.octree import Leaves
+from o3dleaf.surface.isosurface.octree.octree import OctreeLeaves
 from o3dleaf.surface.isosurface.octree.tracing_loops import Incidences
 
 
@@ -43,7 +43,7 @@ class TracedLoops:
 
     Attributes
     ----------
-    leaves : Leaves
+    leaves : OctreeLeaves
     leaf : (v,) ndarray of int64
         The leaf of each loop.
     first : (v + 1,) ndarray of int64
@@ -54,7 +54,7 @@ class TracedLoops:
     edges : LeastEdges
     """
 
-    leaves: Leaves
+    leaves: OctreeLeaves
     leaf: IntArray
     first: IntArray
     incidences: Incidences
@@ -62,7 +62,7 @@ class TracedLoops:
     edges: LeastEdges
 
     @classmethod
-    def of(cls, band: Band, leaves: Leaves) -> "TracedLoops":
+    def of(cls, band: Band, leaves: OctreeLeaves) -> "TracedLoops":
         """Trace the surface around leaves of a band."""
         count, many = np.empty((2, len(leaves.keys)), dtype=np.int64)
         present, inside = leaves.present, leaves.inside
