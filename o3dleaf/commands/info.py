@@ -15,6 +15,8 @@ from o3dleaf.core.jobs.shared import UnitOption
 from o3dleaf.core.jobs.words import number_or_word
 
 if TYPE_CHECKING:
+    import open3d as o3d
+
     from o3dleaf.core.resources.needs import Need
     from o3dleaf.leaf.ct.volume import Volume
 
@@ -42,6 +44,13 @@ class InfoJob(UnitOption, Job):
         writes=(".png", ".pdf", ".svg"),
         needs=("volume_file",),
     )
+    pieces: Path | None = option(
+        None,
+        "Also find the pieces of a scan, as `leaf --piece` counts them, and draw them with their numbers into this "
+        "file.",
+        writes=(".png", ".jpg", ".pdf", ".svg"),
+        needs=("cloud_file",),
+    )
     json: Path | None = option(None, "Also write it as JSON.", writes=())
 
     @property
@@ -62,6 +71,13 @@ class InfoJob(UnitOption, Job):
         if name.endswith(npy.SUFFIXES):
             return not npy.holds_points(self.file)
         return is_folder(self.file) or name.endswith(SUFFIXES)
+
+    @property
+    def cloud_file(self) -> bool:
+        """Whether FILE is a point cloud."""
+        from o3dleaf.io.geometry import count_geometry
+
+        return not self.model_file and not self.volume_file and not count_geometry(self.file)[0]
 
     def check(self) -> None:
         """Refuse a box that is none, and a file of an unknown type."""
@@ -218,12 +234,23 @@ class InfoJob(UnitOption, Job):
             "bounds": [points.min(axis=0).tolist(), points.max(axis=0).tolist()],
             "median_spacing": float(np.median(np.asarray(read.compute_nearest_neighbor_distance()))),
             "unit": self.unit,
+            **({} if self.pieces is None else {"pieces": self.draw_pieces(read, self.pieces)}),
         }
+
+    def draw_pieces(self, scan: "o3d.geometry.PointCloud", path: Path) -> list[str]:
+        """Draw the pieces of a scan into a file, and return a line on each."""
+        from o3dleaf.leaf.sheet.scan_pieces import find_pieces
+        from o3dleaf.output.view.leaf_picture import render_pieces
+
+        found = find_pieces(scan, unit=self.unit)
+        render_pieces(found, path, unit=self.unit)
+        return list(found.lines)
 
     def lines(self, summary: dict[str, Any]) -> list[str]:
         """Return a line a figure, and of a volume a line a level."""
         rows = summary.get("levels", [])
-        lines = [f"{name:>24}  {value}" for name, value in summary.items() if name != "levels"]
+        lines = [f"{name:>24}  {value}" for name, value in summary.items() if name not in ("levels", "pieces")]
+        lines += [f"{'piece':>24}  {line}" for line in summary.get("pieces", [])]
         if rows:
             cubed = f"{summary['unit']}³" if summary["unit"] else "volume"
             lines.append(f"{'level':>24}  {'leaf':>7} {'voids':>8} {cubed:>12} {'pieces':>8} {cubed:>12}")

@@ -28,4 +28,9 @@ def tell_place(point: FloatArray, among: FloatArray) -> str:
 
 def tell_middle(points: FloatArray, among: FloatArray) -> str:
     """Return the place of that of some points (k, d) that is nearest to their median, among others (n, d), as text."""
-    return tell_place(points[np.linalg.norm(points - np.median(points, axis=0), axis=1).argmin()], among)
+    return tell_place(middle_of(points), among)
+
+
+def middle_of(points: FloatArray) -> FloatArray:
+    """Return the one of some points (k, d) that is nearest to their median."""
+    return np.asarray(points[np.linalg.norm(points - np.median(points, axis=0), axis=1).argmin()])

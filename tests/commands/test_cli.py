@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -319,6 +320,19 @@ def test_info_says_what_a_file_holds(run, files, tmp_path):
     assert "of the step" in contents["drift"]
     points = len(o3d.io.read_point_cloud(files / "scan.ply").points)
     assert f" {points}\n" in run("info", files / "scan.ply", "--unit", "mm").stdout
+
+
+def test_info_draws_the_pieces_of_a_scan(run, files, tmp_path):
+    result = run("info", files / "scan.ply", "--unit", "mm", "--pieces", tmp_path / "pieces.png")
+    assert result.returncode == 0, result.stderr
+    assert re.search(r" piece  1: [\d,]+ points \(area about [\d,.]+ mm²\) at ", result.stdout)
+    assert (tmp_path / "pieces.png").stat().st_size > 10_000
+    o3d.io.write_triangle_mesh(tmp_path / "ball.ply", o3d.geometry.TriangleMesh.create_sphere(1.0, 4))
+    for file in (tmp_path / "ball.ply", files / "ct.tif"):
+        refused = run("info", file, "--pieces", tmp_path / "none.png")
+        assert refused.returncode == 2
+        assert "pieces: acts only where FILE is a point cloud" in " ".join(refused.stderr.split())
+        assert not (tmp_path / "none.png").exists()
 
 
 def test_info_on_levels_of_a_volume(run, files, tmp_path):

@@ -31,7 +31,7 @@ FILES = {"ct": "good.tif", "midrib": "good.xyz", "model": "good.o3l", "field": "
 FILES |= {"scan": "good.xyz"}
 """Good files for options that name one to be read."""
 OUTPUTS = {"model": "out.o3l", "tile_solid": "tile.ply", "grid": "grid.vti", "picture": "out.png", "html": "out.html"}
-OUTPUTS |= {"json": "out.json", "output": "out.ply", "plot": "out.png"}
+OUTPUTS |= {"json": "out.json", "output": "out.ply", "plot": "out.png", "pieces": "out.png"}
 
 NUMBERS = {
     "a NaN": float("nan"),
@@ -119,7 +119,7 @@ def company_of(command: str, name: str) -> tuple[tuple[str, Any], ...]:
     needed = {"ct": ("ct", "good.tif"), "scalar": ("scalar", ("curvature",)), "points": ("what", "distance")}
     needed |= {"tile_solid": ("tile_solid", "tile.ply"), "saved_model": ("source", "good.o3l")}
     needed |= {"stored": ("source", "good.o3l"), "grid": ("grid", "grid.vti"), "around": ("around", (0.0, 0.0, 0.0))}
-    needed |= {"volume_file": ("file", "good.tif")}
+    needed |= {"volume_file": ("file", "good.tif"), "cloud_file": ("file", "good.xyz")}
     needed |= {each: tuple(each.split("=")) for each in known.needs if "=" in each}
     needed |= {"volume": ("ct", "good.tif")} if command in {"leaf", "figures"} else {}
     found = [needed[each] for each in known.needs if each in needed and needed[each][0] in options_of(JOBS[command])]

@@ -690,6 +690,7 @@ DOORS: dict[str, Door] = {
     ),
     "fill_particles": door(o3l.fill_particles, mesh=MESH, step=LENGTH.like(0.2), unit=maybe_unit),
     "find_inverted_regions": door(o3l.find_inverted_regions, mesh=MESH, cloud=ORIENTED),
+    "find_pieces": door(o3l.find_pieces, points=scan, unit=maybe_unit, one_sheet=FLAG, slow=True),
     "find_midrib": door(o3l.find_midrib, slow=True, cloud=CLOUD.like(lambda w: w.long_strip)),
     "fit_surface": door(
         o3l.fit_surface,
@@ -992,6 +993,16 @@ DOORS: dict[str, Door] = {
             insets=OBJECT.like(lambda w: [view.Inset(w.mesh)]).without("a list").optional,
             engine=one_of("cpu"),
         ),
+        slow=True,
+    ),
+    "view.render_pieces": door(
+        view.render_pieces,
+        pieces=OBJECT.like(lambda w: w.pieces),
+        path=out_picture.optional,
+        unit=maybe_unit,
+        size=SIDE,
+        view=VIEW.optional,
+        title=TITLE.optional,
         slow=True,
     ),
     "view.render_residuals": door(

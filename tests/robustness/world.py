@@ -129,6 +129,10 @@ class World:
         return self.strip[:20]
 
     @cached_property
+    def pieces(self) -> Any:
+        return o3l.find_pieces(self.scan)
+
+    @cached_property
     def fit_quality(self) -> Any:
         return o3l.FitQuality.of(self.leaf.blade, self.strip)
 

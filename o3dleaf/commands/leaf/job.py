@@ -187,17 +187,17 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
 
     @contextmanager
     def refusals_shown(self, scan: "o3d.geometry.PointCloud") -> Iterator[None]:
-        """Draw a scan that is refused inside, where the error knows its places, and name the picture in it."""
+        """Draw a scan that is refused inside, where the error knows places or pieces, and name the picture in it."""
         try:
             yield
         except ReconstructionError as cause:
-            if cause.places is None or not self.picture:
+            if not self.picture or (cause.places is None and not cause.pieces):
                 raise
             from o3dleaf.output.view.leaf_picture import render_refusal
 
             path = self.beside(".refused.png")
-            render_refusal(scan, cause.places, str(cause), path, self.scan_unit)
-            raise ReconstructionError(f"{cause}; see {path.name}", cause.places) from cause
+            render_refusal(scan, cause, path, self.scan_unit)
+            raise ReconstructionError(f"{cause}; see {path.name}", cause.places, cause.pieces) from cause
 
     def create(
         self,

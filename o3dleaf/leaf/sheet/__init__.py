@@ -11,6 +11,7 @@
 `parting`        layers told apart where they lie closer than points
 `pieces`         what a sheet leaves out, and where it is cut: layers, leaves that touch, slits
 `sheet`          `find_sheet`: all of it together
+`scan_pieces`    the pieces of a scan, as `piece` counts them
 `average_loops`  the compiled loops of averaging and thinning
 `star_loops`     the compiled loops of stars
 `gluing_loops`   the compiled loops of gluing

@@ -12,7 +12,7 @@ The public names are loaded when they are first used; they stand in the stub bes
 `offscreen`  Open3D's renderer in a process of its own, where it works
 `panel`      the furniture of the page, drawn by Matplotlib
 `picture`    `render`: the leaf, insets of its micro-structure, scale bars, color bar, title
-`leaf_picture`  the whole leaf, with an inset of its micro-structure
+`leaf_picture`  the whole leaf, with an inset of its micro-structure; the pieces of a scan
 `maps`       maps over the blade
 `window`     Open3D's own viewer
 `pick`       control points picked in it

@@ -3,6 +3,7 @@ from .camera import Camera as Camera
 from .camera import View as View
 from .maps import render_distortion as render_distortion
 from .maps import render_residuals as render_residuals
+from .leaf_picture import render_pieces as render_pieces
 from .picture import Inset as Inset
 from .picture import render as render
 from .pick import pick_midrib as pick_midrib

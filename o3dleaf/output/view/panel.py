@@ -107,12 +107,16 @@ class Page:
         self.axes.set_xlim(0, width)
         self.axes.set_ylim(height, 0)
 
-    def write(self, x: float, y: float, text: str, *, align: str = "left", scale: float = 1.0) -> None:
-        """Write `text` with the middle of its line at pixel (x, y)."""
+    def write(
+        self, x: float, y: float, text: str, *, align: str = "left", scale: float = 1.0, framed: bool = False
+    ) -> None:
+        """Write `text` with the middle of its line at pixel (x, y), in a frame if it stands on the picture."""
         points = scale * self.line * 0.72
         # Names of files may hold a dollar sign.
         drawn = self.axes.text(x, y, text, color=INK, fontsize=points, ha=align, va="center", parse_math=False)
         drawn.set_fontfamily("DejaVu Sans")
+        if framed:
+            drawn.set_bbox({"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": INK, "alpha": 0.9})
 
     def key(self, color: str, marker: str, text: str, place: float = 0.29) -> None:
         """Write a legend at the foot, `place` of its width from the left, for a marker of Matplotlib in a color."""

@@ -155,10 +155,11 @@ def draw_page(
     scale_bar: bool = True,
     engine: str = "cpu",
     dpi: float = 100.0,
+    labels: Sequence[tuple[FloatArray, str]] = (),
 ) -> Page:
     """Return the page of `render`, to which more can be added: shade every panel, then draw the furniture.
 
-    `dpi`, pixels an inch, says how large it is in a PDF.
+    `dpi`, pixels an inch, says how large it is in a PDF; `labels` are written beside their (3,) places.
     """
     if not MIN_SIZE <= min(size) <= max(size) <= MAX_SIZE:
         raise InputError(f"size: is {size}; give a width and a height of {MIN_SIZE} to {MAX_SIZE:,} pixels")
@@ -185,6 +186,9 @@ def draw_page(
     heading.draw(page)
     for inset, scene, box in zip(details, scenes[1:], beside, strict=True):
         _mark_inset(page, shots[0].camera, main.without_foot(foot), (inset, scene), box)
+    for place, text in labels:
+        x, y = shots[0].camera.project(place[np.newaxis], main.without_foot(foot).size)[0]
+        page.write(main.left + x + page.em, main.top + y - page.em, text, scale=1.2, framed=True)
     for each, scene, shot, box in zip(panels, scenes, shots, boxes, strict=True):
         if scale_bar:
             page.scale_bar(box, shot.camera.width, each.unit or unit)

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.core.places import tell_middle, tell_place
+from o3dleaf.core.places import middle_of, tell_middle, tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.sheet.widths import Passes
@@ -106,8 +106,8 @@ class Leftovers:
         """
         pieces = self.pieces
         if number > len(pieces):
-            places = np.array([np.median(self.scan[rows], axis=0) for rows in pieces])
-            raise ReconstructionError(f"piece: is {number}, but the scan has {self.listed()}", places)
+            places = np.array([middle_of(self.scan[rows]) for rows in pieces])
+            raise ReconstructionError(f"piece: is {number}, but the scan has {self.listed()}", places, pieces)
         return pieces[number - 1]
 
     def others(self, number: int) -> IntArray:
@@ -123,7 +123,7 @@ class Leftovers:
         of_parts = np.concatenate([np.empty(0, np.int64), *self.parts])
         groups = tuple(np.setdiff1d(group, of_parts, assume_unique=True) for group in self.groups)
         pieces = tuple(rows for rows in (*(self.parts or (self.held,)), *groups) if len(rows) >= FEWEST)
-        return tuple(sorted(pieces, key=lambda rows: -self._area(rows))) if self.parts else pieces
+        return tuple(sorted(pieces, key=lambda rows: -self.area(rows))) if self.parts else pieces
 
     def off_sheet_of(self, number: int, held: IntArray) -> tuple[str, ...]:
         """Return a line if more of the N-th piece than stragglers is off the sheet of some rows (k,) that is its."""
@@ -133,19 +133,19 @@ class Leftovers:
         if not groups:
             return ()
         off = sum(map(len, groups))
-        of = f"{off:,} of its {len(rows):,} points lie off that, the largest group {self._name(groups[0])}"
+        of = f"{off:,} of its {len(rows):,} points lie off that, the largest group {self.name(groups[0])}"
         return (f"piece {number} is more than one sheet, of which the largest is taken: {of}; cut the scan there",)
 
     def listed(self) -> str:
         """Return the number of the pieces, and the first of them by number, size and place."""
         pieces = self.pieces
-        shown = "; ".join(f"{k}: {self._name(rows)}" for k, rows in enumerate(pieces[:LISTED], 1))
+        shown = "; ".join(f"{k}: {self.name(rows)}" for k, rows in enumerate(pieces[:LISTED], 1))
         return f"{len(pieces)}: {shown}{'; ...' if len(pieces) > LISTED else ''}"
 
     def named_in(self, cause: ReconstructionError) -> ReconstructionError:
         """Return a refusal that names the pieces too, to choose one of."""
         more = f"; the scan's pieces are {self.listed()}; give `piece` to take one"
-        return ReconstructionError(f"{cause}{more}", cause.places)
+        return ReconstructionError(f"{cause}{more}", cause.places, self.pieces)
 
     def beyond(self, reach: float) -> IntArray:
         """Return the rows (k,) of groups too small for a piece that lie within so many spacings of the sheet."""
@@ -174,12 +174,12 @@ class Leftovers:
         near = [d <= NEAR * self.spacing for d in self.distance]
         whole = 1 + sum(not n and len(rows) >= FEWEST for n, rows in zip(near, self.groups, strict=True))
         if whole > 1:
-            notes.append(f"{whole} pieces; the largest is used: {self._name(self.held)}; `piece` takes another")
+            notes.append(f"{whole} pieces; the largest is used: {self.name(self.held)}; `piece` takes another")
         for rows, close, far, branch in list(zip(self.groups, near, self.distance, self.branch, strict=True))[:SHOWN]:
             kind = "another layer" if close else "another piece"
             how = f", {tell_length(far)} off the sheet" if close else f", {tell_length(far)} away"
             taken = "; `piece` takes it instead" if close and len(rows) >= FEWEST else ""
-            notes.append(f"left out: {kind}, {self._name(rows)}{how}{taken}")
+            notes.append(f"left out: {kind}, {self.name(rows)}{how}{taken}")
             if branch is not None:
                 notes.append(f"3 sheets meet at {tell_place(branch, self.scan)}")
         others = self.groups[SHOWN:]
@@ -190,7 +190,7 @@ class Leftovers:
             notes.append(f"left out: {count:,} point{'s' * (count > 1)} in {size}")
         return tuple(notes)
 
-    def _area(self, rows: IntArray) -> float:
+    def area(self, rows: IntArray) -> float:
         """Return the area of a piece, of points as dense as its own are, or if it shows no surface as the sheet's."""
         some = rows[thinned(len(rows), -(-len(rows) // SAMPLE))]
         try:
@@ -199,8 +199,9 @@ class Leftovers:
             return len(rows) * self.spacing**2
         return len(some) * spacing**2
 
-    def _name(self, rows: IntArray) -> str:
-        area = tell_length(self._area(rows), 2)
+    def name(self, rows: IntArray) -> str:
+        """Return size and place of a piece, in words."""
+        area = tell_length(self.area(rows), 2)
         points = f"{len(rows):,} point{'s' * (len(rows) > 1)} (area about {area})"
         return f"{points} at {tell_middle(self.scan[rows], self.scan)}"
 
