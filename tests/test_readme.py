@@ -16,7 +16,7 @@ README = Path(__file__).resolve().parents[1] / "README.md"
 TEXT = README.read_text(encoding="utf-8")
 BLOCKS = [*re.finditer(r"```python\n(.*?)```", TEXT, re.DOTALL)]
 WRITTEN = [
-    {"leaf.ply", "leaf.vti", "solid.obj", "leaf.o3l", "qa.json"},
+    {"leaf.ply", "leaf.vti", "solid.obj", "leaf.o3l", "qa.json", "pieces.png"},
     {"surface.ply"},
     set(),
     set(),
