@@ -5,6 +5,7 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf.leaf.sheet.pieces.arms import find_arms
+from o3dleaf.leaf.sheet.pieces.crossing import _part
 from o3dleaf.leaf.sheet.sheet import find_sheet
 from o3dleaf.samples.leaves.crossing import drawn_crossing
 from tolerances import CROSSING_AREA, CROSSING_WRONG, NEARER_WRONG, RESTING_WRONG
@@ -118,6 +119,27 @@ def test_the_arms_of_a_cross_are_what_lies_beyond_a_square(width, turn):
 def test_a_cross_with_short_arms_is_none(turn):
     """Arms of which the rim is one width and two fifths of one long."""
     assert find_arms(*cross(4, 20, turn)[:2]) is None
+
+
+@pytest.mark.parametrize(("bend", "is_one_leaf"), [(25.0, True), (50.0, False)])
+def test_a_margin_goes_on_behind_a_corner_as_straight_as_contours_do(bend, is_one_leaf):
+    """Both arms of a strip turned outside the square, by one angle to one side."""
+    vertices, triangles, plane = cross(20, 10)
+    beyond = np.maximum(np.abs(plane[:, 1]) - 5, 0)
+    vertices[:, 0] += np.tan(np.radians(bend)) * beyond
+    assert (find_arms(vertices, triangles) is not None) == is_one_leaf
+
+
+@pytest.mark.parametrize(("gap", "is_sure"), [(0.5, False), (1.5, True)])
+def test_where_one_leaf_hides_the_other_surfaces_a_spacing_apart_are_two(gap, is_sure):
+    """One strip at height 0, the other `gap` spacings above it, at the square the lower one's points alone."""
+    _, _, plane = cross(20, 10)
+    across = np.abs(plane).argmax(axis=1)
+    arm = np.where(np.abs(plane).max(axis=1) <= 5, -1, across + 2 * (plane[np.arange(len(plane)), across] > 0))
+    points = np.column_stack([plane, gap * (arm % 2 == 1) * (arm >= 0)])
+    normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    free = np.flatnonzero(arm < 0)
+    assert _part(points, normals, arm, free, 1.0, 0.0, is_double=False).is_sure == is_sure
 
 
 def test_a_strip_has_no_arms():
