@@ -1,5 +1,6 @@
 """The threshold between leaf and air: where the histogram parts the two."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -52,18 +53,19 @@ def histogram_threshold(data: npt.NDArray[Any], method: str = "mixture") -> floa
     low, high = data.min(), data.max()
     if low == high:
         raise InputError(f"volume: all voxels have one value, {low}; check the file, or scan again")
+    for sample in _samples(data):
+        level = choose(sample)
+        if level is not None:
+            return level
+    raise InputError(f"threshold: the intensities do not fall into two classes, air and leaf; {CURE}")
+
+
+def _samples(data: npt.NDArray[Any]) -> Iterator[npt.NDArray[Any]]:
+    """Yield intensities in a row, without those that are 0 first, then with them: copies, to be put in any order."""
     sample = thin(data)
-    level = choose(sample[sample != 0])
-    if level is None:
-        level = choose(_in_a_row(sample))
-    if level is None:
-        raise InputError(f"threshold: the intensities do not fall into two classes, air and leaf; {CURE}")
-    return level
-
-
-def _in_a_row(sample: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return a copy of intensities in a row, whose order `_histogram` may change."""
-    return np.array(sample, order="C").ravel()
+    yield sample[sample != 0]
+    if not sample.all():
+        yield np.array(sample, order="C").ravel()
 
 
 def thin(data: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -120,8 +122,7 @@ def _otsu(sample: npt.NDArray[Any]) -> float | None:
 
 def find_classes(data: npt.NDArray[Any]) -> Mixture | None:
     """Return air and leaf in the intensities, any shape, or None if they cannot be told apart."""
-    sample = thin(data)
-    return _classes(sample[sample != 0]) or _classes(_in_a_row(sample))
+    return next((classes for classes in map(_classes, _samples(data)) if classes is not None), None)
 
 
 def _mixture(sample: npt.NDArray[Any]) -> float | None:
