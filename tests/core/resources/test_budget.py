@@ -37,7 +37,7 @@ def test_little_work_is_refused_too_where_less_was_stated_and_what_is_held_is_to
     require_resources(1e6, "work: 1 thing", "do less")
     with (
         memory_limit("1MB"),
-        pytest.raises(MemoryBudgetError, match=r"of the 1\.0 MB that were stated, [\d,]+ MB being"),
+        pytest.raises(MemoryBudgetError, match=r"of the 1\.0 MB that were stated, [\d,.]+ [MG]B being"),
     ):
         require_resources(1e6, "work: 1 thing", "do less")
     with memory_limit(machine.resident() + 10**8):
