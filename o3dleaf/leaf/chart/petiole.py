@@ -99,7 +99,7 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
             continue
         each = np.where(reached, distance[own], np.inf)
         junction = find_junction(points, each, stretch, spacing, noise)
-        if junction is None or junction.width < RESOLVED * spacing:
+        if junction is None:
             continue
         outside = junction.outside(points, each)
         cut = outside[some[ways.rows]]

@@ -62,6 +62,32 @@ def test_a_round_petiole_ends_where_the_blade_begins(shape, spacing, noise):
     assert np.mean(~kept[blade:]) > 0.95
 
 
+def seen(arc, diameter, length, spacing, noise, seed=0):
+    """Return points of a broad leaf, and those of its petiole of which an arc, in degrees, faces the scanner."""
+    flat = drawn(ellipse(50, 50), spacing, seed)
+    rng = np.random.default_rng(seed + 7)
+    count = round(np.radians(arc) / 2 * diameter * length / spacing**2)
+    turn, down = rng.uniform([[-arc / 2], [-length]], [[arc / 2], [1.0]], (2, count))
+    around = diameter / 2 * np.stack([np.sin(np.radians(turn)), np.cos(np.radians(turn))])
+    stalk = np.column_stack([down, around[0], around[1] - diameter / 2])
+    blade = np.column_stack([flat, np.zeros(len(flat))])
+    return [each + rng.normal(0, noise, each.shape) for each in (blade, stalk)]
+
+
+@pytest.mark.parametrize(
+    ("arc", "diameter", "length", "spacing", "noise"),
+    [(135, 2.0, 20.0, 0.3, 0.0), (150, 2.0, 20.0, 0.4, 0.05), (150, 1.3, 34.0, 0.55, 0.15)],
+)
+def test_a_petiole_that_is_seen_from_one_side_is_found(arc, diameter, length, spacing, noise):
+    """Of a broad leaf, shorter than that is wide; of some the noise hides the depth."""
+    for seed in range(2):
+        blade, stalk = seen(arc, diameter, length, spacing, noise, seed)
+        kept, petiole = find_petiole(np.concatenate([blade, stalk]), noise)
+        assert petiole is not None, seed
+        assert np.mean(kept[: len(blade)]) > 0.995
+        assert np.mean(~kept[len(blade) :]) > 0.85
+
+
 def finger(radius=1.0, length=30.0):
     """A blade in the plane whose petiole is a closed tube that hangs from a hole at its end."""
     around, along = np.meshgrid(np.arange(16), np.arange(41), indexing="ij")

@@ -22,9 +22,13 @@ LARGEST_STUB = 0.25
 """Share of the whole area that may lie outside a neck; more is a blade by itself."""
 LONG, LONG_IF_ROUND = 0.75, 0.25
 """Times the blade's width that a stalk is long if it is flat, and if its cross-section is curled: flat and shorter
-ones are shreds of a margin."""
-ROUND = 0.35
-"""Depth of a section over its width from which it counts as curled: 0.34 an arc of 150°, 0.44 half a tube, 1 all."""
+ones are shreds of a margin, unless they are as slender as no shred is."""
+SLENDER_FLAT = 12.0
+"""Times its width from which a flat stalk may be as short as a curled one: of a broad leaf few are as long as it is
+wide, and of one seen from one side, a few points wide, the noise hides the depth."""
+ROUND = 0.27
+"""Depth of a section over its width from which it counts as curled: 0.28 an arc of 120°, what a scanner on one side
+sees of a tube up to 30° from grazing; 0.34 an arc of 150°, 0.44 half a tube, 1 all."""
 
 
 class StalkStretch(NamedTuple):
@@ -51,7 +55,8 @@ def find_stretch(sections: Sections) -> StalkStretch | None:
         steady = bool(first) or _is_steady(stretch)
         slender = length >= (SLENDER_NECK if first else SLENDER) * usual
         deep = float(np.median(sections.depth[first : first + len(stretch)])) >= ROUND * usual
-        if steady and slender and length >= (LONG_IF_ROUND if deep else LONG) * widest:
+        may_be_short = deep or length >= SLENDER_FLAT * usual
+        if steady and slender and length >= (LONG_IF_ROUND if may_be_short else LONG) * widest:
             return StalkStretch(first * sections.step, first * sections.step + length, usual)
     return None
 

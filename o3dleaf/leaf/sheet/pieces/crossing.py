@@ -25,6 +25,10 @@ FITS = 0.25
 its arms' by more."""
 APART = 1.0
 """Spacings from which on two surfaces are two, and not one that the arms of each tell a little differently."""
+KNOWN = 2.0
+"""Distance between two surfaces, over that by which the cubic and the quadric through the arms of a hidden leaf differ
+there, from which on they are two: where an arm is a petiole, or a leaf is wavy, arms do not tell how it goes on.
+"""
 DOUBLE = 0.5
 """Density there beyond that of the denser leaf, over that of the other one, from which on both are seen."""
 LONG = 3.0
@@ -120,7 +124,11 @@ def _part(
         fits = float(np.median(off.min(axis=0))) <= noise + FITS * spacing
         return _Crossed(first[free], 0 if told is None else told.unsure, True, fits)
     middle = np.median(off, axis=1)
-    is_sure = bool(middle.min() <= noise + FITS * spacing and apart >= max(APART * spacing, 2 * noise))
+    hidden = int(middle.argmax())
+    plainer = _heights(points[free], points[np.isin(arm, LEAVES[hidden])], normals[free], degree=2)
+    unknown = float(np.median(np.abs(heights[hidden] - plainer)))
+    fits = middle.min() <= noise + FITS * spacing
+    is_sure = bool(fits and apart >= max(APART * spacing, 2 * noise, KNOWN * unknown))
     return _Crossed(np.full(len(free), middle[0] < middle[1]), 0 if is_sure else len(free), False, is_sure)
 
 
@@ -136,18 +144,18 @@ def _tell(points: FloatArray, between: FloatArray, place: _Crossed) -> str:
     return f"two leaves, or lobes of one, cross around {at} by their outline alone: {share} may be of either"
 
 
-def _heights(at: FloatArray, points: FloatArray, normals: FloatArray) -> FloatArray:
-    """Return the heights (m,) of places, with normals (m, 3), over a cubic through points (n, 3) on both sides."""
+def _heights(at: FloatArray, points: FloatArray, normals: FloatArray, degree: int = 3) -> FloatArray:
+    """Return the heights (m,) of places, with normals (m, 3), over a polynomial through points (n, 3) on both sides."""
     middle = at.mean(axis=0)
     axes = np.linalg.svd(normals.mean(axis=0)[np.newaxis])[2][[1, 2, 0]]
     size = np.linalg.norm(at - middle, axis=1).max()
     near = points[np.linalg.norm(points - middle, axis=1) <= AROUND * size]
     u, v, w = axes @ (near - middle).T / size
-    fit = np.linalg.lstsq(_terms(u, v), w, rcond=None)[0]
+    fit = np.linalg.lstsq(_terms(u, v, degree), w, rcond=None)[0]
     u, v, w = axes @ (at - middle).T / size
-    return np.asarray(size * (w - _terms(u, v) @ fit))
+    return np.asarray(size * (w - _terms(u, v, degree) @ fit))
 
 
-def _terms(u: FloatArray, v: FloatArray) -> FloatArray:
-    """Return the terms (n, 10) of a cubic of u and v (n,)."""
-    return np.stack([u**i * v**j for i in range(4) for j in range(4 - i)], axis=1)
+def _terms(u: FloatArray, v: FloatArray, degree: int) -> FloatArray:
+    """Return the terms (n, k) of a polynomial of u and v (n,): 10 of a cubic, 6 of a quadric."""
+    return np.stack([u**i * v**j for i in range(degree + 1) for j in range(degree + 1 - i)], axis=1)

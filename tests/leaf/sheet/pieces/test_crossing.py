@@ -5,7 +5,7 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf.leaf.sheet.pieces.arms import find_arms
-from o3dleaf.leaf.sheet.pieces.crossing import _part
+from o3dleaf.leaf.sheet.pieces.crossing import _part, find_crossing
 from o3dleaf.leaf.sheet.sheet import find_sheet
 from o3dleaf.samples.leaves.crossing import drawn_crossing
 from tolerances import CROSSING_AREA, CROSSING_WRONG, NEARER_WRONG, RESTING_WRONG
@@ -147,3 +147,13 @@ def test_a_strip_has_no_arms():
     strip = triangles[(np.abs(plane[triangles, 1]) <= 5).all(axis=1)]
     used, rows = np.unique(strip, return_inverse=True)
     assert find_arms(vertices[used], rows.reshape(-1, 3)) is None
+
+
+@pytest.mark.parametrize("height", [2.0, 4.0])
+def test_arms_that_do_not_tell_how_a_leaf_goes_on_are_not_those_of_a_hidden_one(height):
+    """A wavy leaf with four lobes: the cubic through two of them is off it between them, and so is it off a quadric."""
+    vertices, triangles, _ = cross(12, 16)
+    vertices[:, 2] = height * np.sin(vertices[:, 0] / 5 + 0.8)
+    points = vertices + np.random.default_rng(0).normal(0, 0.02, vertices.shape)
+    assert find_arms(vertices, triangles) is not None
+    assert find_crossing(points, vertices, triangles, 1.0, np.arange(len(points)), None) is None
