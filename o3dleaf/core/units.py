@@ -10,6 +10,9 @@ from o3dleaf.core.errors import UnitError
 METERS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
 """Length of each known unit in meters; "µm" is accepted for "um"."""
 
+UNITS = f"one of {', '.join(METERS)} (an inch is 25.4 mm)"
+"""What a unit may be, in messages."""
+
 POWERS = {1: "", 2: "²", 3: "³"}
 """What follows the unit of a length, an area and a volume."""
 DIGITS = 4
@@ -23,7 +26,7 @@ def check_unit(unit: str | None) -> str | None:
     if unit is None:
         return None
     if not is_unit(unit):
-        raise UnitError(f"unit: unknown {unit!r}; choose one of {', '.join(METERS)}")
+        raise UnitError(f"unit: unknown {unit!r}; choose {UNITS}")
     return _plain_name(unit)
 
 

@@ -245,14 +245,14 @@ class FitQuality:
     def lines(self) -> list[str]:
         """Return what was measured, a line each, for a terminal."""
         half, most, nearly, largest = map(self._length, self.residuals)
-        world, flat = (measure_in_words(area, self.unit, power=2) for area in self.area)
-        deviation = measure_in_words(self.area_deviation, self.unit, digits=2, power=2)
+        world = measure_in_words((self.area[0], self.area_deviation), self.unit, power=2, join=" ± ")
+        flat = measure_in_words(self.area[1], self.unit, power=2)
         filled = sum(hole["filled"] for hole in self.holes)
         residuals = f"half below {half}, 95 % below {most}, 99 % below {nearly}, largest {largest}"
         holes = f"{len(self.holes) - filled} holes kept, {filled} filled"
         return [
             f"residuals: {residuals}; noise {self._length(self.noise)}",
-            f"blade: {world} ± {deviation}, {flat} laid flat; {_percent(self.coverage)} covered by the scan; {holes}",
+            f"blade: {world}, {flat} laid flat; {_percent(self.coverage)} covered by the scan; {holes}",
         ]
 
     def to_dict(self) -> dict[str, Any]:

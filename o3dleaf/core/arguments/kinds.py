@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from o3dleaf.core.arguments.allowed import Allowed, is_number, is_whole
 from o3dleaf.core.checks.scalars import LARGEST
 from o3dleaf.core.errors import UnitError
-from o3dleaf.core.units import METERS, is_unit
+from o3dleaf.core.units import UNITS, is_unit
 
 
 def between(low: float, high: float, words: str) -> Allowed:
@@ -23,9 +23,7 @@ Limit = Annotated[float, between(1 / LARGEST, float("inf"), "a number above zero
 Share = Annotated[float, between(0, 1, "a number from 0 to 1")]
 PartialShare = Annotated[float, between(0, 0.99, "a number from 0 to 0.99")]
 """A share that leaves something."""
-Unit = Annotated[
-    str, Allowed(lambda value: isinstance(value, str) and is_unit(value), f"one of {', '.join(METERS)}", UnitError)
-]
+Unit = Annotated[str, Allowed(lambda value: isinstance(value, str) and is_unit(value), UNITS, UnitError)]
 Order = Annotated[int, Allowed(lambda value: is_whole(value) and 0 <= value <= 2, "0, 1 or 2")]
 """Of the highest derivative."""
 Count = Annotated[int, Allowed(lambda value: is_whole(value) and value >= 1, "a whole number of at least 1")]

@@ -137,7 +137,7 @@ class LongJob(Job):
     HEADING: ClassVar = "Resources"
 
     threads: int | None = option(None, "Threads; all cores by default. Results do not depend on it.")
-    quiet: bool = option(False, "Show no progress.", "--quiet", "-q")
+    quiet: bool = option(False, "Show neither progress nor notes; those of `leaf` are in its summary.", "--quiet", "-q")
 
     def lines(self, summary: Any) -> list[str]:
         """Return the lines that the terminal shows at the end; none if quiet."""
