@@ -248,6 +248,10 @@ class InfoJob(UnitOption, Job):
 
     def lines(self, summary: dict[str, Any]) -> list[str]:
         """Return a line a figure, and of a volume a line a level."""
+        from o3dleaf.output.report.words import lines_of
+
+        if summary["kind"] == "mesh":
+            return lines_of(summary, self.unit)
         rows = summary.get("levels", [])
         lines = [f"{name:>24}  {value}" for name, value in summary.items() if name not in ("levels", "pieces")]
         lines += [f"{'piece':>24}  {line}" for line in summary.get("pieces", [])]

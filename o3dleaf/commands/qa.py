@@ -65,14 +65,10 @@ class QaJob(UnitOption, LongJob):
 
     def lines(self, summary: "Examination") -> list[str]:
         """Return the figures, each failure in a line, and the verdict; of a quiet job no figures."""
-        from o3dleaf.output.report.words import in_words
+        from o3dleaf.output.report.words import lines_of
 
         report, result = summary.inspection.report, summary.result
-        lines = [
-            f"{name:>24}  {in_words(name, value, report.unit)}"
-            for name, value in report.to_dict().items()
-            if not self.quiet and value is not None and name != "angle_histogram"
-        ]
+        lines = [] if self.quiet else lines_of(report.to_dict(), report.unit)
         lines += [f"{'not met':>24}  {each}" for each in result.failures]
         return [*lines, f"{'verdict':>24}  {result}"]
 

@@ -1,5 +1,6 @@
 """Figures in words: what each figure of a report is called, its kind, and its value with its unit."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from o3dleaf.core.units import POWERS, in_unit, measure_in_words
@@ -99,6 +100,12 @@ def in_words(name: str, value: Any, unit: str | None) -> str:
         return ", ".join(in_words(name, each, None) for each in value)
     plain = {"count": "{:,.0f}", "degrees": "{:.4g}°"}.get(kind, "{:.5g}")
     return f"{100 * value:.4g} %" if kind == "share" else plain.format(value)
+
+
+def lines_of(figures: Mapping[str, Any], unit: str | None) -> list[str]:
+    """Return a line for a terminal on each figure of a report that was measured, but for the bins of a chart."""
+    shown = {name: value for name, value in figures.items() if value is not None and quantity_of(name).table != CHART}
+    return [f"{name:>24}  {in_words(name, value, unit)}" for name, value in shown.items()]
 
 
 def unit_of(kind: str, unit: str | None) -> str:
