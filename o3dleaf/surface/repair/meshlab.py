@@ -43,15 +43,15 @@ def collapse_edges(mesh: Parts, target: int, quality: float, locked: BoolArray |
     origin = names % len(vertices)
     # What MeshLab takes for nothing depends on the unit: at an extent of 1 to 2 all meshes are alike, to the last bit.
     unit = 2.0 ** np.floor(np.log2(max(float(np.ptp(vertices[origin], axis=0).max()), np.finfo(float).tiny)))
-    some = locked is not None and bool(locked.any())
-    mark = np.where(locked, -1 - kind, kind) if some else kind
+    kept = 0 if locked is None else int(np.count_nonzero(locked))
+    mark = kind if locked is None else np.where(locked, -1 - kind, kind)
     session = _session(vertices[origin] / unit, corner.reshape(-1, 3), mark.astype(np.float64), origin + 1.0)
-    if some:
+    if kept:
         session.compute_selection_by_condition_per_face(condselect="fq >= 0")
     # Of a selection MeshLab counts what is selected alone.
     session.meshing_decimation_quadric_edge_collapse(
-        targetfacenum=int(target) - (int(np.count_nonzero(locked)) if some else 0),
-        selected=some,
+        targetfacenum=int(target) - kept,
+        selected=kept > 0,
         qualitythr=quality,
         preserveboundary=True,
         preservenormal=True,

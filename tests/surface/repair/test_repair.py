@@ -93,17 +93,35 @@ def test_simplifying_leaves_every_border_vertex_bit_for_bit(target):
     assert border(*mesh_arrays(mesh)) == border(vertices, triangles)
 
 
+def square(count):
+    """Return u and v of a square of so many vertices a side, from -1 to 1, and its triangles."""
+    u, v = (each.ravel() for each in np.meshgrid(*[np.linspace(-1.0, 1.0, count)] * 2, indexing="ij"))
+    rows = np.arange(count * count).reshape(count, count)
+    corners = [rows[:-1, :-1], rows[1:, :-1], rows[1:, 1:]], [rows[:-1, :-1], rows[1:, 1:], rows[:-1, 1:]]
+    return u, v, np.concatenate([np.stack(each, axis=-1).reshape(-1, 3) for each in corners])
+
+
 def rolled(turns):
     """Return a round sheet rolled up in some turns, with far more edges on its rim than its shape asks for."""
-    across = np.linspace(-1.0, 1.0, 41)
-    u, v = (each.ravel() for each in np.meshgrid(across, across, indexing="ij"))
-    rows = np.arange(41 * 41).reshape(41, 41)
-    corners = [rows[:-1, :-1], rows[1:, :-1], rows[1:, 1:]], [rows[:-1, :-1], rows[1:, 1:], rows[:-1, 1:]]
-    triangles = np.concatenate([np.stack(each, axis=-1).reshape(-1, 3) for each in corners])
+    u, v, triangles = square(41)
     radius, angle = 1 + 0.3 * u, np.pi * turns * u
     vertices = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 3 * v])
     inside = np.hypot(u[triangles].mean(axis=1), v[triangles].mean(axis=1)) < 0.95
     return drop_unused_vertices(vertices, triangles[inside])
+
+
+def waves(count, size, height):
+    """Return a square sheet of waves."""
+    u, v, triangles = square(count)
+    u, v = size * u, size * v
+    return np.column_stack([u, v, height + 0.1 * np.sin(12 * u) * np.sin(12 * v)]), triangles
+
+
+def test_where_triangles_come_to_cross_alone_they_stay_finer():
+    large, small = waves(41, 1.0, 0.0), waves(25, 0.29, 0.01)
+    mesh = mesh_report(simplify_mesh(joined(large, small), target_triangles=800))
+    assert mesh.self_intersections == 0
+    assert mesh.triangles < 800 + len(small[1])
 
 
 @pytest.mark.parametrize("turns", [2, 3])
