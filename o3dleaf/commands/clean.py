@@ -33,7 +33,9 @@ FIGURES = (
 
 UNIT = "the mesh's unit"
 MIN_PER_RIM_EDGE = 3
-"""Triangles for each edge of the rim, which stays as it is: fewer join it, across its bends, to few vertices inside."""
+"""Triangles for each edge of the rim, which stays as it is: of fewer it is the rim that keeps them."""
+MAX_OVER = 1.02
+"""Times the triangles asked for that are left without a word: one edge takes two at a time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +108,7 @@ class CleanJob(CleaningOptions, LongJob):
             write_mesh(result.mesh, self.output)
         else:
             export_mesh(result, self.output)
-        comparison = Comparison(reports, distance)
+        comparison = Comparison(reports, distance, self.triangles if self.deviation is None else None)
         for warning in comparison.warnings:
             journal.note(warning)
         return comparison
@@ -126,24 +128,33 @@ class Comparison:
         Of the mesh as it came, cleaned, and simplified.
     distance : float, optional
         Between the cleaned and the simplified surface.
+    asked : int, optional
+        Triangles to come down to, where nothing but the mesh forbids it.
     """
 
     reports: "list[MeshReport]"
     distance: float | None = None
+    asked: int | None = None
 
     @property
     def warnings(self) -> list[str]:
-        """One line if simplifying made triangles that cross others, else none."""
-        before, after = self.reports[-2:]
-        if len(self.reports) < 3 or after.self_intersections <= before.self_intersections:
+        """One line if more triangles are left than were asked for, and one if simplifying made some that cross."""
+        if len(self.reports) < 3:
             return []
-        rim = after.boundary_edges
-        why = "sheets lie closer together than its triangles are long; leave more, or clean it again with --untangle"
-        if after.triangles < MIN_PER_RIM_EDGE * rim:
-            most = f"leave {MIN_PER_RIM_EDGE * rim:,} or more"
-            why = f"the {rim:,} edges of its rim stay as they are, too many for so few triangles to join; {most}"
-        crossing = f"{after.self_intersections:,} of its {after.triangles:,} triangles cross others"
-        return [f"the simplified mesh crosses itself: {crossing}, {before.self_intersections:,} did before; {why}"]
+        before, after = self.reports[-2:]
+        lines = []
+        if self.asked is not None and after.triangles > MAX_OVER * self.asked:
+            why = "with fewer, its triangles would cross or its topology change"
+            if after.triangles < MIN_PER_RIM_EDGE * after.boundary_edges:
+                why = f"the {after.boundary_edges:,} edges of its rim stay as they are, and {why}"
+            lines.append(f"simplified to {after.triangles:,} triangles, not to the {self.asked:,} asked for: {why}")
+        if after.self_intersections > before.self_intersections:
+            crossing = f"{after.self_intersections:,} of its {after.triangles:,} triangles cross others"
+            why = "a mesh that has some gets more; clean it with --untangle"
+            lines.append(
+                f"the simplified mesh crosses itself: {crossing}, {before.self_intersections:,} did before; {why}"
+            )
+        return lines
 
     def table(self) -> list[str]:
         """Return lines that compare the reports, and the distance."""

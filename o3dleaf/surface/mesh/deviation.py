@@ -143,6 +143,13 @@ def nearest_on_mesh(vertices: FloatArray, triangles: IntArray, points: FloatArra
     return np.asarray(scene.compute_closest_points(query, _ray_threads())["points"].numpy() + middle)
 
 
+def nearest_triangles(vertices: FloatArray, triangles: IntArray, points: FloatArray) -> IntArray:
+    """Return the (k,) triangles of a mesh nearest to (k, 3) points, in single precision about their middle."""
+    scene, middle = _scene(vertices, triangles, points)
+    query = o3d.core.Tensor.from_numpy((points - middle).astype(np.float32))
+    return np.asarray(scene.compute_closest_points(query, _ray_threads())["primitive_ids"].numpy(), dtype=np.int64)
+
+
 def _ray_threads() -> int:
     """Return the threads that Open3D's ray casting is given: it has no more than cores, and warns if asked for more."""
     return min(get_num_threads(), os.cpu_count() or 1)

@@ -31,18 +31,27 @@ def cut_ears(vertices: FloatArray, triangles: IntArray, beside: BoolArray, longe
     return _result(session)[1][len(triangles) :]
 
 
-def collapse_edges(
-    vertices: FloatArray, triangles: IntArray, kind: IntArray, target: int, quality: float
-) -> tuple[FloatArray, IntArray, IntArray]:
-    """Return the mesh of about `target` triangles, lines between kinds locked, and the triangles' kinds."""
+Parts = tuple[FloatArray, IntArray, IntArray]
+"""Vertices (n, 3), triangles (m, 3), and of which kind, from 0 on, each triangle is (m,)."""
+
+
+def collapse_edges(mesh: Parts, target: int, quality: float, locked: BoolArray | None = None) -> Parts:
+    """Return the mesh of about `target` triangles: lines between kinds stay, and (m,) `locked` triangles."""
+    vertices, triangles, kind = mesh
     # Each kind gets vertices of its own, so that the lines between them are borders, and is joined again after.
     names, corner = np.unique(triangles + len(vertices) * kind[:, np.newaxis], return_inverse=True)
     origin = names % len(vertices)
     # What MeshLab takes for nothing depends on the unit: at an extent of 1 to 2 all meshes are alike, to the last bit.
     unit = 2.0 ** np.floor(np.log2(max(float(np.ptp(vertices[origin], axis=0).max()), np.finfo(float).tiny)))
-    session = _session(vertices[origin] / unit, corner.reshape(-1, 3), kind.astype(np.float64), origin + 1.0)
+    kept = 0 if locked is None else int(np.count_nonzero(locked))
+    mark = kind if locked is None else np.where(locked, -1 - kind, kind)
+    session = _session(vertices[origin] / unit, corner.reshape(-1, 3), mark.astype(np.float64), origin + 1.0)
+    if kept:
+        session.compute_selection_by_condition_per_face(condselect="fq >= 0")
+    # Of a selection MeshLab counts what is selected alone.
     session.meshing_decimation_quadric_edge_collapse(
-        targetfacenum=int(target),
+        targetfacenum=int(target) - kept,
+        selected=kept > 0,
         qualitythr=quality,
         preserveboundary=True,
         preservenormal=True,
@@ -59,7 +68,7 @@ def collapse_edges(
     np.minimum.at(first, source[same], np.flatnonzero(same))
     target_of = np.where(same, first[source], np.arange(len(vertices_left)))
     left_kind = session.current_mesh().face_scalar_array().astype(np.int64)
-    return *drop_unused_vertices(vertices_left, target_of[left]), left_kind
+    return *drop_unused_vertices(vertices_left, target_of[left]), np.where(left_kind < 0, -1 - left_kind, left_kind)
 
 
 def _session(
@@ -99,4 +108,7 @@ def _loaded() -> ModuleType:
 def _result(session: "pymeshlab.MeshSet") -> tuple[FloatArray, IntArray]:
     """Return the vertices and triangles of the session's mesh."""
     mesh = session.current_mesh()
-    return np.array(mesh.vertex_matrix(), dtype=np.float64), np.array(mesh.face_matrix(), dtype=np.int64)
+    return (
+        np.array(mesh.vertex_matrix(), dtype=np.float64, order="C"),
+        np.array(mesh.face_matrix(), dtype=np.int64, order="C"),
+    )

@@ -14,7 +14,8 @@ from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.io.labelled_mesh import LabelledMesh, with_or_without_labels
 from o3dleaf.surface.mesh.surface_distance import surface_distance_of
-from o3dleaf.surface.repair.meshlab import collapse_edges
+from o3dleaf.surface.repair.collapse import collapse_apart
+from o3dleaf.surface.repair.meshlab import Parts
 
 FIRST_STEP, LAST_STEP = float(np.log(4.0)), 0.1
 """Logarithms of numbers of triangles: the first step down, and the one at which the search for the fewest ends."""
@@ -34,14 +35,15 @@ def simplify_mesh(
 
     Garland & Heckbert 1997 (Proc. SIGGRAPH), as MeshLab does it: vertices inside move to where the
     squared distance to the planes of the triangles collapsed so far is least, vertices on the border
-    stay bit for bit, and no collapse changes the genus or joins two sheets.
+    stay bit for bit, and no collapse changes the genus or joins two sheets. A mesh without triangles that
+    cross others gets none: where some would, more triangles are left.
 
     Parameters
     ----------
     mesh : LabelledMesh, open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
         Edge-manifold; not modified. The lines between labels are locked as its border is.
     target_triangles : int, optional
-        Triangles to come down to; where border, topology or `deviation` forbid it, more are left.
+        Triangles to come down to; where border, topology, crossings or `deviation` forbid it, more are left.
     target_edge : float, optional
         The same as a mean edge length in the mesh's unit: area / (sqrt(3)/4 edge^2) triangles.
     deviation : float, optional
@@ -69,7 +71,7 @@ def simplify_mesh(
     labels = mesh.labels_of(count)
     fewest = _fewest_triangles(given, target_triangles, target_edge, deviation)
     names, kind = np.unique(np.zeros(len(given[1])) if labels is None else labels, return_inverse=True)
-    vertices, triangles, left = _simplify(*given, kind, fewest, deviation, quality)
+    vertices, triangles, left = _simplify((*given, kind), fewest, deviation, quality)
     return replace(mesh, mesh=build_mesh(vertices, triangles), labels=None if labels is None else names[left])
 
 
@@ -89,19 +91,17 @@ def _fewest_triangles(
     return int(require_positive(1 if target_triangles is None else target_triangles, "target_triangles"))
 
 
-def _simplify(
-    vertices: FloatArray, triangles: IntArray, kind: IntArray, fewest: int, deviation: float | None, quality: float
-) -> tuple[FloatArray, IntArray, IntArray]:
-    """Return vertices, triangles and their kinds: no fewer triangles than `fewest`, within the deviation."""
-    whole = vertices, triangles, kind
-    if fewest >= len(triangles):
+def _simplify(whole: Parts, fewest: int, deviation: float | None, quality: float) -> Parts:
+    """Return a mesh of no fewer triangles than `fewest`, within the deviation."""
+    count = len(whole[1])
+    if fewest >= count:
         return whole
     if deviation is None:
-        return collapse_edges(*whole, fewest, quality)
+        return collapse_apart(whole, fewest, quality)
     best, share, step = whole, 0.0, FIRST_STEP
     # Down in large steps to the first that is too far away, then up and down by ever smaller ones.
     while step > LAST_STEP:
-        tried = collapse_edges(*whole, max(fewest, round(len(triangles) * np.exp(share - step))), quality)
+        tried = collapse_apart(whole, max(fewest, round(count * np.exp(share - step))), quality)
         allowed = surface_distance_of(whole[:2], tried[:2]) <= deviation
         if allowed and len(tried[1]) < len(best[1]):
             best, share = tried, share - step
