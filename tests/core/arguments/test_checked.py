@@ -96,7 +96,7 @@ def test_a_function_is_called_with_what_it_was_given():
     assert scaled.__doc__ == "Return values by a factor."
     with pytest.raises(InputError, match="factor: is 0; give a number above zero"):
         scaled(given, 0)
-    with pytest.raises(UnitError, match=r"unit: is 'inch'; give one of m, cm, mm, um, nm \(an inch is 25.4 mm\) or None"):
+    with pytest.raises(UnitError, match=r"unit: is 'inch'; give one of m, .*nm \(an inch is 25.4 mm\) or None"):
         scaled(given, unit="inch")
     with pytest.raises(TypeError, match="furlong"):
         scaled(given, furlong=1)
