@@ -4,8 +4,8 @@ python scripts/measure_density.py [--kinds ...] [--densities ...] [--noise SPACI
 
 Densities step or change smoothly along the leaf or across it, are higher in a stripe, as where passes overlap, or are
 those of scanners: rays on a regular angular grid from one or two places. Each scan has as many points as an even one of
-the leaf's usual spacing. Areas are relative to what is seen of the leaf; margins are judged by the spacing there, `told`
-is the deviation that the blade has of its area by chance.
+the leaf's usual spacing. Areas are relative to what is seen of the leaf; margins are judged by the spacing there;
+`told` is the deviation that the blade has of its area by chance.
 """
 
 import argparse
@@ -35,7 +35,7 @@ HIDDEN = 0.02
 
 @dataclass(frozen=True)
 class Density:
-    """A density that is `ratio` times as high in some places as in others: a step, a slope or a stripe, along u or v."""
+    """A density `ratio` times as high in some places as in others: a step, a slope or a stripe, along u or v."""
 
     shape: str
     axis: int
