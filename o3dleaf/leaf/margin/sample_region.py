@@ -1,6 +1,7 @@
 """The part of the plane that a sample covers: Delaunay triangles without the gaps that are more than chance."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -18,8 +19,10 @@ from o3dleaf.leaf.margin.sample_spacing import (
     cell_sizes,
     cells_of,
     crude_spacing,
+    is_uneven,
     neighbors_of,
     spacing_between,
+    uneven_sizes,
 )
 from o3dleaf.leaf.margin.sample_triangles import Triangulation, inner_points, triangulate
 from o3dleaf.leaf.margin.traced_border import Border, border_of
@@ -46,6 +49,8 @@ FLAT = 1e-9
 """Area of a triangle over the square of its longest side, at least: flatter ones are as wide as can be."""
 SLIT = 2.0
 """Length of a gap's banks over that of its mouth, from which on it is a slit: a half disc, a bite, has 1.6."""
+ROUNDS = 2
+"""Times that an uneven sample is spaced by all of its points: where it is sparser than was thought it covers more."""
 PIECE = 10
 """Fewer points than this are no piece of their own."""
 
@@ -106,17 +111,12 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         If they lie on one line.
     """
     mesh = triangulate(points)
-    tree = cKDTree(points)
-    near = neighbors_of(points, tree)
-    spacing, short, jump = crude_spacing(points, tree), FIRST_SHORT, CRUDE_JUMP
-    for _ in range(3):  # the crude spacing is too long at margins; the third pass changes it by less than a hundredth
-        size = spacing_between(near, mesh.triangles, spacing, jump)
-        kept, jump = _covered(mesh, spacing, size, short), JUMP
-        deep = _deep(mesh, kept, spacing)
-        spacing = cell_sizes(points, cells_of(points, mesh.triangles[kept], mesh.areas[kept]), deep)
-        within = _within(mesh, kept, deep)
-        usual = mesh.reach[within] / spacing[mesh.triangles[within]].mean(axis=1)
-        short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
+    near = neighbors_of(points, cKDTree(points))
+    found = _spaced(mesh, near)
+    if is_uneven(points[found.deep], found.cells[found.deep]):
+        for _ in range(ROUNDS):
+            found = _of_uneven(mesh, near, found)
+    spacing, short, deep = found.spacing, found.short, found.deep
     size = spacing_between(near, mesh.triangles, spacing, JUMP)
     covered = _covered(mesh, spacing, size, short)
     kept, bridged, widest = _joined(mesh, covered, spacing, short)
@@ -134,6 +134,53 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     triangles, filled = mesh.triangles[kept], mesh.triangles[kept & ~covered]
     void = VOID * short * float(np.median(spacing))
     return SampleRegion(points, triangles, filled, spacing, missing, random, border, bridged, widest, left_out, void)
+
+
+class _Spaced(NamedTuple):
+    """How a sample is spaced: triangles `kept` (m,) and the `cells` (n,) of these, `deep` points (n,), `spacing` (n,).
+
+    And the side, in spacings, that is still `short`.
+    """
+
+    kept: BoolArray
+    cells: FloatArray
+    deep: BoolArray
+    spacing: FloatArray
+    short: float
+
+
+def _spaced(mesh: Triangulation, near: IntArray) -> _Spaced:
+    """Return how a sample is spaced, as one that is even: by its deep points."""
+    spacing, short, jump = crude_spacing(mesh.points, cKDTree(mesh.points)), FIRST_SHORT, CRUDE_JUMP
+    for _ in range(3):  # the crude spacing is too long at margins; the third pass changes it by less than a hundredth
+        kept, cells, deep = _cells(mesh, near, spacing, short, jump)
+        spacing, jump = cell_sizes(mesh.points, cells, deep), JUMP
+        short = _short(mesh, kept, deep, spacing)
+    return _Spaced(kept, cells, deep, spacing, short)
+
+
+def _of_uneven(mesh: Triangulation, near: IntArray, found: _Spaced) -> _Spaced:
+    """Return how a sample is spaced, by all points, those at its border as what of them is not beyond it."""
+    kept, cells, deep, spacing, short = found
+    missing = missing_area(mesh, kept, spacing, _randomness(mesh, kept, deep, spacing), LONG * short)
+    spacing = uneven_sizes(mesh.points, cells, 1 - missing / spacing**2, spacing)
+    short = _short(mesh, kept, deep, spacing)
+    return _Spaced(*_cells(mesh, near, spacing, short, JUMP), spacing, short)
+
+
+def _cells(
+    mesh: Triangulation, near: IntArray, spacing: FloatArray, short: float, jump: float
+) -> tuple[BoolArray, FloatArray, BoolArray]:
+    """Return the triangles (m,) that are covered, the cells (n,) that these make, and the points deep in them (n,)."""
+    kept = _covered(mesh, spacing, spacing_between(near, mesh.triangles, spacing, jump), short)
+    return kept, cells_of(mesh.points, mesh.triangles[kept], mesh.areas[kept]), _deep(mesh, kept, spacing)
+
+
+def _short(mesh: Triangulation, kept: BoolArray, deep: BoolArray, spacing: FloatArray) -> float:
+    """Return the side, in spacings, up to which sides are short in the sample."""
+    within = _within(mesh, kept, deep)
+    usual = mesh.reach[within] / spacing[mesh.triangles[within]].mean(axis=1)
+    return SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
 
 
 def _randomness(mesh: Triangulation, kept: BoolArray, deep: BoolArray, spacing: FloatArray) -> float:

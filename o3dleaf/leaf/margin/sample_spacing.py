@@ -24,6 +24,13 @@ MIN_SHARE = 0.1
 """Share of the points that are beside a jump by `CRUDE_JUMP`, from which on they are a row along the margin and no few
 places: rows nine times as dense hold 15 % of the points of a strip a hundred spacings wide."""
 
+MAX_DEGREE = 4
+"""Of the polynomials in which a density is looked for that varies over the leaf: a stripe in its middle has four."""
+MAX_FITTED = 10_000
+"""Points that they are fitted to."""
+STEPS, CONVERGED = 30, 1e-6
+"""Of Fisher's scoring, and the change of a logarithm below which it ends."""
+
 
 def edges_of(triangles: IntArray) -> IntArray:
     """Return the (e, 2) edges of triangles, each once, the smaller index first."""
@@ -97,6 +104,72 @@ def cell_sizes(points: FloatArray, cells: FloatArray, deep: BoolArray) -> FloatA
     square = cells[inner][near].mean(axis=1)
     size: FloatArray = np.sqrt(square * (cells[inner].sum() / square[inner].sum()))
     return size
+
+
+def uneven_sizes(points: FloatArray, cells: FloatArray, counts: FloatArray, spacing: FloatArray) -> FloatArray:
+    """Return for each point the square root (n,) of the area that a point stands for there, where density varies.
+
+    Points at a margin have their deep neighbors all on one side, some spacings away, whose density theirs is not. So
+    cells are averaged over all points next to it, those at the border as the parts of a point that their cells are.
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+    cells : (n,) ndarray
+        0 for points that are left out.
+    counts : (n,) ndarray
+        Of points: 1, and less at a border, by the area beyond it.
+    spacing : (n,) ndarray
+        What they have where too few points are whole, as at tips.
+    """
+    used = np.flatnonzero(cells > 0)
+    near = used[query(cKDTree(points[used]), points, k=min(NEIGHBORS // 2, len(used)))[1].reshape(len(points), -1)]
+    whole = counts[near].sum(axis=1)
+    square = np.where(whole >= near.shape[1] / 2, cells[near].sum(axis=1) / np.maximum(whole, 1.0), spacing**2)
+    size: FloatArray = np.sqrt(square * (cells.sum() / (square * counts)[used].sum()))
+    return size
+
+
+def is_uneven(points: FloatArray, cells: FloatArray) -> bool:
+    r"""Return whether the cells (n,) of deep points (n, 2) differ over a leaf by more than chance.
+
+    Whether a polynomial describes the density λ better than a number does, by Schwarz's criterion: of the likelihood
+
+    .. math:: \sum_i \log λ(x_i) - c_i λ(x_i), \qquad \log λ \text{ a polynomial},
+
+    twice the logarithm gains more than log n for each of its factors.
+
+    References
+    ----------
+    Schwarz, G. (1978): Estimating the dimension of a model. Ann. Statist. 6, 461-464.
+    """
+    some = slice(None, None, -(-len(points) // MAX_FITTED))
+    places, cells = points[some], cells[some]
+    return any(_gain(_terms(places, degree), cells) > 0 for degree in range(1, MAX_DEGREE + 1))
+
+
+def _gain(terms: FloatArray, cells: FloatArray) -> float:
+    """Return what twice the log likelihood gains by (n, p) terms beyond what they cost."""
+    if len(cells) <= 2 * terms.shape[1]:
+        return 0.0
+    orthogonal = np.linalg.qr(terms)[0]
+    share = cells / cells.mean()
+    log = np.zeros(len(cells))
+    for _ in range(STEPS):
+        step = orthogonal @ (orthogonal.T @ (share / np.exp(log) - 1))
+        log += step
+        if np.abs(step).max() < CONVERGED:
+            break
+    gain = 2 * (share - log - share / np.exp(log)).sum()
+    return float(gain - (terms.shape[1] - 1) * np.log(len(cells)))
+
+
+def _terms(places: FloatArray, degree: int) -> FloatArray:
+    """Return the products (n, p) of Legendre's polynomials over the box around places (n, 2), up to a degree."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    u, v = (2 * (places - low) / np.maximum(high - low, 1e-300) - 1).T
+    along, across = (np.polynomial.legendre.legvander(x, degree) for x in (u, v))
+    return np.stack([along[:, i] * across[:, j] for i in range(degree + 1) for j in range(degree + 1 - i)], axis=1)
 
 
 def neighbors_of(points: FloatArray, tree: cKDTree) -> IntArray:
