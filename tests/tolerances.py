@@ -1277,5 +1277,5 @@ CROWDED = 0.015
 0.4 moves them by 0.17 and more; points that lie in the middle of voxels instead, by 0.02."""
 
 VOXEL_AREA = 0.006
-"""Of an ellipse of 120 by 36 voxels, whose margin is known to 0.05 spacings. Voxels that it cuts, counted as whole ones,
+"""Of an ellipse of 120 by 36 voxels, whose margin is known to 0.05 spacings. Voxels that it cuts, counted whole,
 make it 0.77 to 0.95 % too large; without what moves the curve it is 0.8 to 1.0 %."""
