@@ -18,6 +18,7 @@ from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.units import tell_length
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.blade.outline_area import in_polygon
+from o3dleaf.leaf.margin.edge.edge_excess import with_edge_excess
 from o3dleaf.leaf.margin.edge.edge_fit import fit_edge
 from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample
 from o3dleaf.leaf.margin.edge.edge_noise import with_edge_noise
@@ -218,7 +219,7 @@ def _rings(region: SampleRegion, local: Spacing, noise: float) -> list[FloatArra
     if outer.is_empty:
         raise ReconstructionError("the points cover no area in the chart; give a denser scan")
     begun = _start(outer, local, hole=False)
-    sample = with_edge_noise(*begun, sample)
+    sample = with_edge_excess(*begun, with_edge_noise(*begun, sample))
     curves = []
     for number in range(len(rings)):
         area = area_of(number) if number or sample.noise != noise else outer

@@ -5,4 +5,5 @@
 `edge_frame`         a closed curve with the points near it
 `edge_fit`           the curve of greatest likelihood, as stiff as the sample allows
 `edge_noise`         how far noise carries points across an edge
+`edge_excess`        how many points more there are along it, as averages of voxels have
 """

@@ -39,15 +39,23 @@ class EdgeSample:
     noise : float
         Their deviation in the plane; it counts up to `MAX_NOISE` spacings.
     randomness : float
-        Share of the way that is gone: a lattice, 0, has rows along its edge, and its points are not independent.
+        A lattice, 0, has rows along its edge, and its points are not independent.
     filled : shapely.Geometry
         The gaps of the sample that were filled: where the edge runs over them, it stays.
+    excess : float
+        Points more than the density for each spacing of edge (`edge_excess`).
     """
 
     local: Spacing
     noise: float
     randomness: float
     filled: shapely.Geometry
+    excess: float = 0.0
+
+    @property
+    def share(self) -> float:
+        """Share of the way to the curve of greatest likelihood that is gone: all of it for averages of voxels."""
+        return 1.0 if self.excess > 0 else self.randomness
 
 
 class EdgeFrame(NamedTuple):

@@ -18,6 +18,11 @@ from o3dleaf.core.checks.arrays import FloatArray
 BLUR = 0.35
 """Spacings that an edge without noise is blurred by: a window of six spacings then has two points in the strip that
 counts, fewer make the estimate biased; more of it leaves less information, 1.7/s for each length."""
+CUT = 0.5
+"""Spacings to which voxels that an edge cuts have their averages: in the middle of up to a whole one."""
+MAX_EXCESS = 2 / np.pi
+"""Points more for each spacing of an edge: an edge of any direction across squares cuts 2/π of them for each of their
+sides, where it would end as many if each counted by its share."""
 TABLE_END = 12.0
 """Deviations from the edge beyond which the tables end."""
 KERNEL, KERNEL_SQUARE = 1 / 3, 5 / 18
@@ -83,9 +88,32 @@ def _of_unit_blur(noise: float) -> tuple[float, float, float, float]:
     return offset, float(information), float(fitted), float(first / slope - noise**2 / 2)
 
 
-def blurred(noise: FloatArray) -> BlurredEdge:
-    """Return what an edge with noise (n,), in spacings, is seen through."""
+def blurred(noise: FloatArray, excess: float = 0.0) -> BlurredEdge:
+    """Return what an edge with noise (n,), in spacings, is seen through, with more points along it (`crowded`)."""
     blur = np.hypot(BLUR, noise)
     ratios, table = _tables()
     offset, information, fitted, curved = (np.interp(noise / blur, ratios, column) for column in table.T)
-    return BlurredEdge(blur, blur * offset, information / blur, fitted, blur**2 * curved)
+    return BlurredEdge(blur, blur * offset + crowded(noise, excess), information / blur, fitted, blur**2 * curved)
+
+
+def crowded(noise: FloatArray, excess: float) -> FloatArray:
+    """Return how much farther out (n,) an edge is found that has `excess` points more for each spacing of its length.
+
+    They lie within `CUT` of it, as averages of what is left of voxels do, and are moved by noise (n,), in spacings.
+    """
+    if excess == 0:
+        return np.zeros(len(noise))
+    some = np.linspace(0.0, max(float(noise.max()), BLUR), 5)
+    off = [_root(one, excess) - _root(one, 0.0) for one in some]
+    return np.interp(noise, some, off)
+
+
+@cache
+def _root(noise: float, excess: float) -> float:
+    """Return where an edge at 0 is found by single points of some noise, in spacings: where their scores are 1."""
+    blur, sharp = float(np.hypot(BLUR, noise)), max(noise, 1e-9)
+    edges, x = np.linspace(-1.0, 1.0, 101), np.linspace(-TABLE_END * blur, TABLE_END * blur, 4001)
+    whole = ndtr(-x / sharp)
+    density = whole + excess / CUT * (whole - ndtr(-(x + CUT) / sharp))
+    sums = np.trapezoid(density * score((edges[:, None] - x) / blur), x, axis=1) / blur
+    return float(np.interp(-1.0, -sums, edges))

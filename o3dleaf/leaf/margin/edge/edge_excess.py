@@ -1,0 +1,70 @@
+"""How many points more than its density a sample has along an edge: those of voxels that the edge cuts count whole.
+
+Of a cloud that was thinned to the averages of voxels each voxel that the leaf reaches into has one point, however
+little of it the leaf covers. So points are denser along the margin than inside, which takes them for those of a wider
+leaf.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.leaf.margin.edge.edge_fit import moved_along, widened
+from o3dleaf.leaf.margin.edge.edge_frame import INSIDE, EdgeSample, edge_frame
+from o3dleaf.leaf.margin.edge.edge_score import MAX_EXCESS, blurred, crowded
+
+STRIP = 1.0
+"""Spacings that a strip along the edge is deep; what is more lies within the outer half of the first."""
+REGULAR, RANDOM = 0.08, 0.5
+"""How random averages of voxels are: cells in which a plane cuts cubes vary in area by a tenth of what those of
+independent points do, where voxels are full, and with one point to a voxel by half; then 0.05 are more, and no area
+hangs on them. What is as regular as a grid has rows, and a strip holds as many of them as it happens to."""
+BEYOND_CHANCE = 3.0
+"""Deviations from which on more points along the edge are none of chance's."""
+
+
+def edge_excess(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> float:
+    r"""Return how many points more than its density a sample has for each spacing of its edge; 0 if chance explains it.
+
+    Of two strips along the edge, each a spacing deep, the outer one has n₁ points and the inner one n₂. The edge is
+    found at a distance o(ε) outside of the true one (`crowded`), so that an excess ε is where
+
+    .. math:: ε - o(ε) = (n_1 - n_2) / ℓ - κ,
+
+    ℓ the length and κ the mean curvature. The deviation of the right side is √(2 r/ℓ) for a sample r times as random
+    as independent points. The inner strip stands for the density: that of a scan falls and rises towards its margin.
+
+    Parameters
+    ----------
+    curve : (k, 2) ndarray
+        Near the margin, with the leaf on its left.
+    apexes : (a, 2) ndarray
+        Its sharp tips, points of the curve.
+    sample : EdgeSample
+    """
+    frame = edge_frame(curve, apexes, sample)
+    found = moved_along(frame, widened(frame, blurred(frame.noise))[0], 1.0)
+    frame = edge_frame(found, found[frame.apexes], sample)
+    seen = blurred(frame.noise)
+    deep = frame.observed & (frame.half_width > INSIDE * seen.blur)
+    length = float(frame.length[deep].sum())
+    if length <= 0:
+        return 0.0
+    depth = -frame.across[deep[frame.node]]
+    outer, inner = np.count_nonzero(depth < STRIP), np.count_nonzero((depth >= STRIP) & (depth < 2 * STRIP))
+    more = (outer - inner) / length - STRIP**2 * float(np.average(frame.curvature[deep], weights=frame.length[deep]))
+    tried = np.linspace(0.0, MAX_EXCESS, 15)
+    noise = np.array([np.mean(frame.noise)])
+    off = float(np.mean(seen.offset)) + np.array([crowded(noise, excess)[0] for excess in tried])
+    seen_more = tried - off
+    excess = float(np.interp(more, seen_more, tried))
+    chance = np.sqrt(2 * STRIP * sample.randomness / length)
+    return excess if more - seen_more[0] > BEYOND_CHANCE * chance else 0.0
+
+
+def with_edge_excess(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeSample:
+    """Return the sample with the excess that its edge shows; one too random for averages, or a lattice, as it is."""
+    if not REGULAR <= sample.randomness <= RANDOM:
+        return sample
+    return replace(sample, excess=edge_excess(curve, apexes, sample))
