@@ -49,6 +49,9 @@ FLAT = 1e-9
 """Area of a triangle over the square of its longest side, at least: flatter ones are as wide as can be."""
 SLIT = 2.0
 """Length of a gap's banks over that of its mouth, from which on it is a slit: a half disc, a bite, has 1.6."""
+NARROW = 2 / 3
+"""Share of the points that are deep below which a leaf is so narrow, some fifteen spacings, that those nearest to a
+margin may be of the other side's density."""
 ROUNDS = 2
 """Times that an uneven sample is spaced by all of its points: where it is sparser than was thought it covers more."""
 PIECE = 10
@@ -113,7 +116,7 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     mesh = triangulate(points)
     near = neighbors_of(points, cKDTree(points))
     found = _spaced(mesh, near)
-    if is_uneven(points[found.deep], found.cells[found.deep]):
+    if found.deep.mean() < NARROW and is_uneven(points[found.deep], found.cells[found.deep]):
         for _ in range(ROUNDS):
             found = _of_uneven(mesh, near, found)
     spacing, short, deep = found.spacing, found.short, found.deep
