@@ -136,7 +136,7 @@ class Margin:
         region = cover_sample(np.unique(points, axis=0), 0.0 if given is None else given)
         local = Spacing(cKDTree(region.points), np.maximum(region.spacing, least))
         limit = region.widest if given is None else given
-        outer, *inner = _rings(region, local, as_number(noise, "noise"))
+        (outer, *inner), excess = _rings(region, local, as_number(noise, "noise"))
         holes = [Hole.of(ring, limit) for ring in inner]
         order = sorted(range(len(holes)), key=lambda i: -holes[i].area)
         polygon = shapely.Polygon(outer)
@@ -152,7 +152,7 @@ class Margin:
             tuple(hole_rings),
             spacing=float(np.median(region.spacing)),
             holes=tuple(holes[i] for i in order),
-            notes=_notes(region, holes),
+            notes=_notes(region, holes, excess),
             unit=unit,
         )
 
@@ -191,8 +191,11 @@ def _rings_of(polygon: shapely.Polygon) -> list[FloatArray]:
     return [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
 
 
-def _rings(region: SampleRegion, local: Spacing, noise: float) -> list[FloatArray]:
-    """Return the curves (k, 2) where the leaf ends: the outer one first, counter-clockwise, then those of holes."""
+def _rings(region: SampleRegion, local: Spacing, noise: float) -> tuple[list[FloatArray], float]:
+    """Return the curves (k, 2) where the leaf ends, and how many points more are along them for each spacing.
+
+    The outer curve comes first, counter-clockwise, then those of holes.
+    """
     triangles = shapely.polygons(region.points[region.triangles])
     try:
         union = shapely.coverage_union_all(triangles)
@@ -229,7 +232,7 @@ def _rings(region: SampleRegion, local: Spacing, noise: float) -> list[FloatArra
             continue  # no hole, once the leaf around it is whole
         start = begun if area is outer else _start(area, local, hole=bool(number))
         curves.append(_finished(*start, sample))
-    return curves
+    return curves, sample.excess
 
 
 def _owners(rings: list[shapely.LinearRing], points: FloatArray) -> IntArray:
@@ -280,9 +283,14 @@ def cut_margin(margin: Margin, polygon: shapely.Polygon) -> Margin:
     return Margin(**margin.state() | {"ring": ring, "hole_rings": tuple(hole_rings)})
 
 
-def _notes(region: SampleRegion, holes: list[Hole]) -> tuple[str, ...]:
-    """Return what the region does not hold, and which holes may be the scanner's."""
+def _notes(region: SampleRegion, holes: list[Hole], excess: float) -> tuple[str, ...]:
+    """Return what the region does not hold, which holes may be the scanner's, and if points were averages of voxels."""
     notes = []
+    if excess > 0:
+        notes.append(
+            f"{excess:.2g} points more to each spacing along the margin than the density inside tells, as averages of "
+            "voxels have (voxel_down_sample): they do not count as more leaf"
+        )
     narrow = [hole.width for hole in holes if not hole.filled and hole.width <= region.void]
     if narrow:
         said = f"holes no wider than chance leaves between points, {len(narrow)} of up to {tell_length(max(narrow))}"

@@ -1,3 +1,5 @@
+"""Averages of voxels lie more densely along a margin, which is found where the leaf ends all the same."""
+
 import numpy as np
 import pytest
 import shapely
@@ -42,3 +44,5 @@ def test_averages_of_voxels_end_where_the_leaf_does(seed):
     turn = Rotation.random(random_state=seed).as_matrix()
     margin = Margin.fit(averages(points, turn, rng.random(3)))
     assert abs(margin.area / ELLIPSE.area - 1) < VOXEL_AREA
+    assert "averages of voxels" in margin.notes[0]
+    assert not any("averages of voxels" in note for note in Margin.fit(points[::9]).notes)
