@@ -37,7 +37,7 @@ class Petiole:
     length : float
         From its end to the junction with the blade, along the surface.
     width : float
-        Straight across, the median.
+        Straight across what was scanned of it, the median: less than the diameter where one side was.
     area : float
         Of what was scanned of it, its stub included.
     end, junction : (3,) tuple of float
@@ -64,7 +64,7 @@ class Petiole:
     def __str__(self) -> str:
         ends = np.array([self.end, self.junction])
         end, junction = (tell_place(place, ends) for place in ends)
-        size = f"{tell_length(self.length)} long and {tell_length(self.width)} wide"
+        size = f"{tell_length(self.length)} long and {tell_length(self.width)} wide as scanned"
         return f"petiole: {size}, from {end} to the blade at {junction}"
 
 
