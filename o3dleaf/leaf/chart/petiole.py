@@ -94,12 +94,14 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
     own, reached = _nearest(points, some, ways)
     for end in _ends(ways):
         distance = ways.from_point(end)
-        stretch = find_stretch(sections_along(ways.points, ways.cells, distance, noise))
+        sections = sections_along(ways.points, ways.cells, distance, noise)
+        stretch = find_stretch(sections)
         if stretch is None or stretch.width < RESOLVED * coarse:
             continue
         each = np.where(reached, distance[own], np.inf)
         junction = find_junction(points, each, stretch, spacing, noise)
-        if junction is None:
+        # A tip tapers over many of its widths, most of them beyond what few points show to be straight.
+        if junction is None or (sections.is_narrow and junction.width < RESOLVED * spacing):
             continue
         outside = junction.outside(points, each)
         cut = outside[some[ways.rows]]

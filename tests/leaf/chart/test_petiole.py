@@ -8,6 +8,7 @@ from o3dleaf.leaf.chart.petiole import find_petiole
 from o3dleaf.leaf.chart.stalk.lobes import COMMON
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
 from o3dleaf.leaf.chart.stalk.sections import sections_along
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, ellipse, lobed, rolled, stalked, triangulated
 
@@ -86,6 +87,17 @@ def test_a_petiole_that_is_seen_from_one_side_is_found(arc, diameter, length, sp
         assert petiole is not None, seed
         assert np.mean(kept[: len(blade)]) > 0.995
         assert np.mean(~kept[len(blade) :]) > 0.85
+
+
+@pytest.mark.parametrize(
+    ("kind", "angle", "length", "width", "spacing", "seed"),
+    [("twisted", 220, 170, 11, 0.65, 2), ("winding", 80, 170, 6, 0.5, 11), ("wavy", 70, 130, 6, 0.5, 2)],
+)
+def test_the_tip_of_a_narrow_leaf_under_noise_is_no_petiole(kind, angle, length, width, spacing, seed):
+    """Its last ten widths are one or two points wide, and may look as straight as a petiole."""
+    leaf = samples.leaf_shape(kind, angle=angle, length=length, width=width)
+    points = samples.scan_leaf(leaf, seed=seed, spacing=spacing, noise=0.5).points
+    assert find_petiole(points, OrientedCloud.of(points).noise)[1] is None
 
 
 def finger(radius=1.0, length=30.0):
