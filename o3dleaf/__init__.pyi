@@ -46,7 +46,7 @@ from .leaf.saved.models import load as load
 from .leaf.options import BladeOptions as BladeOptions
 from .leaf.options import TextureOptions as TextureOptions
 from .leaf.sheet.scan_pieces import ScanPieces as ScanPieces
-from .leaf.sheet.scan_pieces import find_pieces as find_pieces
+from .leaf.pipeline import find_pieces as find_pieces
 from .leaf.pipeline import create_blade as create_blade
 from .leaf.fit_quality import FitQuality as FitQuality
 from .leaf.pipeline import create_texture as create_texture

@@ -239,7 +239,7 @@ class InfoJob(UnitOption, Job):
 
     def draw_pieces(self, scan: "o3d.geometry.PointCloud", path: Path) -> list[str]:
         """Draw the pieces of a scan into a file, and return a line on each."""
-        from o3dleaf.leaf.sheet.scan_pieces import find_pieces
+        from o3dleaf.leaf.pipeline import find_pieces
         from o3dleaf.output.view.leaf_picture import render_pieces
 
         found = find_pieces(scan, unit=self.unit)

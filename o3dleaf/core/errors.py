@@ -34,15 +34,15 @@ class ReconstructionError(O3DLeafError):
     ----------
     places : (k, 3) ndarray or None
         Where in the world, if that is known: a picture of the scan can show it.
-    pieces : tuple of (k,) ndarrays of int64
-        Rows of the scan in each of its pieces, where the message names these by number.
+    pieces : tuple of (k, 3) ndarrays
+        Points of each of the scan's pieces, where the message names these by number.
     """
 
     def __init__(
         self,
         message: str,
         places: "npt.NDArray[np.float64] | None" = None,
-        pieces: "tuple[npt.NDArray[np.int64], ...]" = (),
+        pieces: "tuple[npt.NDArray[np.float64], ...]" = (),
     ) -> None:
         super().__init__(message)
         self.places = places

@@ -31,13 +31,14 @@ from o3dleaf.leaf.options import BladeOptions, TextureOptions
 from o3dleaf.leaf.paper_pipeline import build_height_map_blade
 from o3dleaf.leaf.parametric.build import build_parametric_blade
 from o3dleaf.leaf.parametric.thickness import as_factors
+from o3dleaf.leaf.sheet.scan_pieces import ScanPieces
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField, as_shares
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang.wang_field import WangField
 from o3dleaf.leaf.textured_blade import Texture
 from o3dleaf.surface.cloud.outliers import detect_outliers
-from o3dleaf.surface.cloud.usable_points import remove_faults
+from o3dleaf.surface.cloud.usable_points import remove_faults, usable_rows
 
 LEAF_LENGTH_MM = (5.0, 3000.0)
 PATCH_WIDTH_MM = (0.05, 50.0)
@@ -99,6 +100,34 @@ def create_blade(
     control = None if midrib is None else points_of(midrib, "midrib", least=2)
     with lengths_in(unit):
         return build(points, control, unit, options)
+
+
+@checked
+@single_threaded_blas()
+def find_pieces(scan: CloudLike, *, unit: Unit | None = None, one_sheet: bool = True) -> ScanPieces:
+    """Return the pieces of a scan, with the numbers by which `piece` of `BladeOptions` takes one.
+
+    Parameters
+    ----------
+    scan : (n, 3) array_like or Open3D point cloud
+        Points of leaves, and whatever else was scanned.
+    unit : str, optional
+        Of the points, for the lines.
+    one_sheet : bool
+        Whether layers that lie close together are one surface, as of `BladeOptions`.
+
+    Returns
+    -------
+    ScanPieces
+
+    Raises
+    ------
+    InputError
+        If the points are too few or not finite.
+    """
+    points = points_of(scan, "scan", least=3)
+    with lengths_in(unit):
+        return ScanPieces.of(points, usable_rows(points, is_far), one_sheet=one_sheet)
 
 
 @checked

@@ -690,7 +690,7 @@ DOORS: dict[str, Door] = {
     ),
     "fill_particles": door(o3l.fill_particles, mesh=MESH, step=LENGTH.like(0.2), unit=maybe_unit),
     "find_inverted_regions": door(o3l.find_inverted_regions, mesh=MESH, cloud=ORIENTED),
-    "find_pieces": door(o3l.find_pieces, points=scan, unit=maybe_unit, one_sheet=FLAG, slow=True),
+    "find_pieces": door(o3l.find_pieces, scan=scan, unit=maybe_unit, one_sheet=FLAG, slow=True),
     "find_midrib": door(o3l.find_midrib, slow=True, cloud=CLOUD.like(lambda w: w.long_strip)),
     "fit_surface": door(
         o3l.fit_surface,

@@ -4,14 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.places import middle_of
-from o3dleaf.core.units import lengths_in
 from o3dleaf.leaf.sheet.pieces.leftovers import Leftovers
 from o3dleaf.leaf.sheet.sheet import find_sheet
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -27,7 +23,7 @@ class ScanPieces:
     points : (n, 3) ndarray
         The scan.
     number : (n,) ndarray of int64
-        Of the piece that each point belongs to, counted from 1; 0 of points that are in none.
+        Of the piece that each point belongs to, counted from 1; 0 of points that are in none or repeat others.
     areas : (p,) ndarray
         Of each piece, about, in the unit squared: that of as many points as dense as its own are.
     places : (p, 3) ndarray
@@ -48,52 +44,29 @@ class ScanPieces:
     def __repr__(self) -> str:
         return f"ScanPieces({len(self)}: {'; '.join(self.lines)})"
 
-
-@checked
-def find_pieces(points: CloudLike, *, unit: Unit | None = None, one_sheet: bool = True) -> ScanPieces:
-    """Return the pieces of a scan, with the numbers by which `piece` of `BladeOptions` takes one.
-
-    Parameters
-    ----------
-    points : (n, 3) array_like or Open3D point cloud
-        Of leaves, and whatever else was scanned.
-    unit : str, optional
-        Of the points, for the lines.
-    one_sheet : bool
-        Whether layers that lie close together are one surface, as of `BladeOptions`.
-
-    Returns
-    -------
-    ScanPieces
-
-    Raises
-    ------
-    InputError
-        If the points are too few or not finite.
-    """
-    with lengths_in(unit):
-        found = _leftovers(points, one_sheet=one_sheet)
-        rows = found.pieces
-        number = np.zeros(len(found.scan), dtype=np.int64)
-        for k, own in enumerate(rows, 1):
-            number[own] = k
-        return ScanPieces(
-            found.scan,
+    @classmethod
+    def of(cls, scan: FloatArray, used: IntArray, *, one_sheet: bool) -> "ScanPieces":
+        """Return the pieces of the points of a scan (n, 3) in the rows `used` (k,); all others are in none."""
+        found = _leftovers(scan[used], one_sheet=one_sheet)
+        number = np.zeros(len(scan), dtype=np.int64)
+        for k, rows in enumerate(found.pieces, 1):
+            number[used[rows]] = k
+        return cls(
+            scan,
             number,
-            np.array([found.area(own) for own in rows]),
-            np.array([middle_of(found.scan[own]) for own in rows]).reshape(-1, 3),
-            tuple(f"{k}: {found.name(own)}" for k, own in enumerate(rows, 1)),
+            np.array([found.area(rows) for rows in found.pieces]),
+            np.array([middle_of(found.scan[rows]) for rows in found.pieces]).reshape(-1, 3),
+            tuple(f"{k}: {found.name(rows)}" for k, rows in enumerate(found.pieces, 1)),
         )
 
 
-def _leftovers(points: CloudLike, *, one_sheet: bool) -> Leftovers:
-    """Return what a scan's sheet leaves out, or the parts of a scan without one."""
+def _leftovers(points: FloatArray, *, one_sheet: bool) -> Leftovers:
+    """Return what the sheet of points (n, 3) leaves out, or the parts of points that have none."""
     try:
         leftovers = find_sheet(points, one_sheet=one_sheet).leftovers
     except ReconstructionError:
         leftovers = None
     if leftovers is not None:
         return leftovers
-    cloud = OrientedCloud.of(points)
-    used = usable_rows(cloud.points)
-    return Leftovers.apart(cloud.points, used, OrientedCloud.of(cloud.points[used]).spacing)
+    used = usable_rows(points)
+    return Leftovers.apart(points, used, OrientedCloud.of(points[used]).spacing)

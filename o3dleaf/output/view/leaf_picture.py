@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 import shapely
+from scipy.spatial import cKDTree
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
@@ -16,8 +17,8 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.places import middle_of
+from o3dleaf.core.trees import query
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -115,21 +116,21 @@ def render_pieces(
         If the path is no picture's.
     """
     file = None if path is None else require_writable(path, SUFFIXES)
-    rows = [np.flatnonzero(pieces.number == number) for number in range(1, len(pieces) + 1)]
-    things, labels = draw_pieces(pieces.points, rows)
+    each = [pieces.points[pieces.number == number] for number in range(1, len(pieces) + 1)]
+    things, labels = draw_pieces(pieces.points, each)
     named = "\n".join(["", *pieces.lines[:NAMED]]) if title is None else title
     subject = Inset(things, view=view or View(), unit=unit)
     return save_page(draw_page(subject, size=size, title=named, labels=labels), file)
 
 
-def draw_pieces(points: FloatArray, rows: Sequence[IntArray]) -> tuple[list[Points], list[tuple[FloatArray, str]]]:
-    """Return points (n, 3) in the colors of pieces, of which the rows (k,) are given, and the number of each."""
+def draw_pieces(points: FloatArray, pieces: Sequence[FloatArray]) -> tuple[list[Points], list[tuple[FloatArray, str]]]:
+    """Return points (n, 3) in the colors of the pieces (k, 3) that some of them are of, and the number of each."""
     radius = Points(points).size(points)
-    of_none = np.setdiff1d(np.arange(len(points)), np.concatenate([np.empty(0, np.int64), *rows]))
-    things = [Points(points[own], radius, color) for own, color in zip(rows, cycle(COLORS))]
-    if len(of_none):
-        things.append(Points(points[of_none], radius, NONE if rows else None))
-    labels = [(middle_of(points[own]), str(number)) for number, own in enumerate(rows[:NUMBERED], 1)]
+    things = [Points(own, radius, color) for own, color in zip(pieces, cycle(COLORS))]
+    rest = points[query(cKDTree(np.concatenate(pieces)), points)[0] > 0] if pieces else points
+    if len(rest):
+        things.append(Points(rest, radius, NONE if pieces else None))
+    labels = [(middle_of(own), str(number)) for number, own in enumerate(pieces[:NUMBERED], 1)]
     return things, labels
 
 

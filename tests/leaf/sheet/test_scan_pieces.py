@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import o3dleaf as o3l
+from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.leaf.sheet.sheet import find_sheet
 from tolerances import TOLD_AREA
 
@@ -37,3 +38,16 @@ def test_what_has_no_sheet_is_a_piece_too():
     assert (o3l.find_pieces(ball).number == 1).all()
     beside = o3l.find_pieces(np.concatenate([ball, LARGE]))
     assert np.array_equal(beside.number, np.repeat([1, 2], [len(ball), len(LARGE)]))
+
+
+def test_pieces_are_counted_and_shown_without_points_that_a_blade_leaves_out():
+    """An outlier and a point repeated, before all others: what is drawn are the places of the pieces' points."""
+    scan = np.concatenate([[[300.0, 0, 0]], LARGE[:1], SCAN])
+    number = o3l.find_pieces(scan, unit="mm").number
+    assert np.array_equal(np.bincount(number), [3, len(LARGE), len(SMALL)])
+    assert (number[2 : 2 + len(SMALL)] == 2).all()
+    with pytest.raises(ReconstructionError, match="piece: is 9, but the scan has 2") as refused:
+        o3l.create_blade(scan, unit="mm", options=o3l.BladeOptions(piece=9))
+    large, small = refused.value.pieces
+    assert {*map(tuple, large)} == {*map(tuple, LARGE)}
+    assert np.array_equal(small, SMALL)

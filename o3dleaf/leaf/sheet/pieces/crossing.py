@@ -27,8 +27,8 @@ APART = 1.0
 """Spacings from which on two surfaces are two, and not one that the arms of each tell a little differently."""
 KNOWN = 2.0
 """Distance between two surfaces, over that by which the cubic and the quadric through the arms of a hidden leaf differ
-there, from which on they are two: where an arm is a petiole, or a leaf is wavy, arms do not tell how it goes on.
-"""
+there, from which on they are two: where an arm is a petiole, or a leaf is wavy, arms do not tell how
+it goes on."""
 DOUBLE = 0.5
 """Density there beyond that of the denser leaf, over that of the other one, from which on both are seen."""
 LONG = 3.0

@@ -106,8 +106,9 @@ class Leftovers:
         """
         pieces = self.pieces
         if number > len(pieces):
-            places = np.array([middle_of(self.scan[rows]) for rows in pieces])
-            raise ReconstructionError(f"piece: is {number}, but the scan has {self.listed()}", places, pieces)
+            shown = tuple(self.scan[rows] for rows in pieces)
+            places = np.array([middle_of(points) for points in shown])
+            raise ReconstructionError(f"piece: is {number}, but the scan has {self.listed()}", places, shown)
         return pieces[number - 1]
 
     def others(self, number: int) -> IntArray:
@@ -145,7 +146,7 @@ class Leftovers:
     def named_in(self, cause: ReconstructionError) -> ReconstructionError:
         """Return a refusal that names the pieces too, to choose one of."""
         more = f"; the scan's pieces are {self.listed()}; give `piece` to take one"
-        return ReconstructionError(f"{cause}{more}", cause.places, self.pieces)
+        return ReconstructionError(f"{cause}{more}", cause.places, tuple(self.scan[rows] for rows in self.pieces))
 
     def beyond(self, reach: float) -> IntArray:
         """Return the rows (k,) of groups too small for a piece that lie within so many spacings of the sheet."""
