@@ -130,7 +130,7 @@ class World:
 
     @cached_property
     def pieces(self) -> Any:
-        return o3l.find_pieces(self.scan)
+        return o3l.find_pieces(self.strip)
 
     @cached_property
     def fit_quality(self) -> Any:
