@@ -15,7 +15,6 @@ from o3dleaf.leaf.blade.outline_area import in_polygon, sides_of
 from o3dleaf.leaf.instancing.tile import Tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.leaf.textured_blade import TexturedBlade
-from o3dleaf.leaf.thin_rim import LoweredVertices
 from o3dleaf.surface.remeshing.blocks import Charted
 from o3dleaf.surface.remeshing.projection_target import FieldTarget, Masks
 from o3dleaf.surface.remeshing.remesh import remesh_charted
@@ -163,7 +162,7 @@ def remesh_leaf(
     triangles: IntArray,
     labels: Labels,
     target_edge: float,
-    lowered: LoweredVertices,
+    lowered: FloatArray,
 ) -> Charted:
     """Return the mesh of a leaf's surface, remeshed; its rim meets the faces in a sharp edge over the outline.
 
@@ -176,11 +175,11 @@ def remesh_leaf(
     labels : (m,) ndarray of uint8
         Adaxial, abaxial, rim.
     target_edge : float
-    lowered : LoweredVertices
-        Those that are to be as low where the mesh stays as it is, so that no triangles cross.
+    lowered : (n, 3) ndarray
+        The same vertices, so low beside a tapered rim that no triangles cross where the mesh stays as it is.
     """
-    leaf, places, heights = target.leaf, np.empty_like(flat), lowered.apply(flat)
-    run_blocks(lambda i, j: places.__setitem__(slice(i, j), leaf.blade.lift(heights[i:j])), len(flat), BLOCK)
+    leaf, places = target.leaf, np.empty_like(flat)
+    run_blocks(lambda i, j: places.__setitem__(slice(i, j), leaf.blade.lift(lowered[i:j])), len(flat), BLOCK)
     if not leaf.cuts_edges:
         labels = _without_chamfers(triangles, labels, _on_faces(leaf, flat, FACE_TOLERANCE * target_edge))
     return remesh_charted(Charted.of(places, flat, triangles, labels), target, target_edge)
