@@ -61,8 +61,9 @@ def remesh(
     a field, vertices that move are put back onto it by Newton's method, x ← x − (F − isovalue) ∇F/\|∇F\|²;
     without one, onto the nearest point of the mesh as it was. Each edit takes the surface no further than
     `deviation`, all of them a few times as far; sharp edges without labels are rounded. The border stays bit for
-    bit, and no edit changes the topology. The same input gives the same
-    mesh, whatever the number of threads.
+    bit, and no edit changes the topology. Where triangles cross whatever is done, as where two sheets lie much
+    closer together than the edges are long, those of the mesh as it was stay. The same input gives the same mesh,
+    whatever the number of threads.
 
     Parameters
     ----------
