@@ -192,7 +192,7 @@ class MeshPlan:
         with remeshing:
             parts = arrays.vertices, arrays.triangles, arrays.labels
             target = LeafTarget(self.leaf, self.outline, *self.wholes)
-            mesh = remesh_leaf(target, *parts, target_edge=edge)
+            mesh = remesh_leaf(target, *parts, target_edge=edge, lowered=self.lowered.apply(arrays.vertices))
         return LabelledMesh(build_mesh(mesh.places, mesh.triangles), mesh.labels, unit=blade.unit)
 
     def write(self, path: str | PathLike[str]) -> None:

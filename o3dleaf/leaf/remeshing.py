@@ -157,7 +157,12 @@ def _inside(tile: Tile) -> BoolArray:
 
 
 def remesh_leaf(
-    target: LeafTarget, flat: FloatArray, triangles: IntArray, labels: Labels, target_edge: float
+    target: LeafTarget,
+    flat: FloatArray,
+    triangles: IntArray,
+    labels: Labels,
+    target_edge: float,
+    lowered: FloatArray,
 ) -> Charted:
     """Return the mesh of a leaf's surface, remeshed; its rim meets the faces in a sharp edge over the outline.
 
@@ -170,9 +175,11 @@ def remesh_leaf(
     labels : (m,) ndarray of uint8
         Adaxial, abaxial, rim.
     target_edge : float
+    lowered : (n, 3) ndarray
+        The same vertices, so low beside a tapered rim that no triangles cross where the mesh stays as it is.
     """
     leaf, places = target.leaf, np.empty_like(flat)
-    run_blocks(lambda i, j: places.__setitem__(slice(i, j), leaf.blade.lift(flat[i:j])), len(flat), BLOCK)
+    run_blocks(lambda i, j: places.__setitem__(slice(i, j), leaf.blade.lift(lowered[i:j])), len(flat), BLOCK)
     if not leaf.cuts_edges:
         labels = _without_chamfers(triangles, labels, _on_faces(leaf, flat, FACE_TOLERANCE * target_edge))
     return remesh_charted(Charted.of(places, flat, triangles, labels), target, target_edge)

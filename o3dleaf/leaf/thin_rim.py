@@ -28,6 +28,8 @@ MAX_REACH = 8
 """Steps of the mesh within which the thickness rises from the rim's: beyond, the rim would be another one."""
 MAX_ROUNDS = 32
 """Crossings are looked for so often: vertices that were lowered may cross others."""
+EDGE = 2**0.5
+"""Steps from the margin within which its edge lies: the chord of a cell."""
 CLEARANCE = 2
 """Steps around what is lowered that are looked at as well: the triangles there end within them."""
 
@@ -109,17 +111,18 @@ class FlatMesh:
         numbers = np.cumsum(kept) - 1
         return FlatMesh(self.flat[kept], numbers[self.triangles[whole]], self.labels[whole])
 
-    def on_edge(self, rim: RimThickness) -> BoolArray:
-        """Return which vertices (n,) lie on the edge along the margin: the wall's, or those of an open boundary."""
+    def on_edge(self, rim: RimThickness, reach: float) -> BoolArray:
+        """Return which vertices (n,) lie on the edge along the margin: the wall's, or those of an open boundary.
+
+        Those deeper than `reach` are on the sides of a region, or where a part of a mesh ends.
+        """
         on_edge = np.zeros(len(self.flat), dtype=bool)
         on_edge[self.triangles[self.labels == RIM]] = True
-        if on_edge.any():
-            return on_edge
-        edges = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        ends, uses = np.unique(edges, axis=0, return_counts=True)
-        on_edge[ends[uses == 1]] = True
-        # A part of a mesh ends where the leaf has its whole thickness.
-        return on_edge & (rim.values(self.flat[:, :2]) < 1)
+        if not on_edge.any():
+            edges = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+            ends, uses = np.unique(edges, axis=0, return_counts=True)
+            on_edge[ends[uses == 1]] = True
+        return on_edge & (rim.values(self.flat[:, :2], reach) <= rim.least)
 
 
 class NearMargin:
@@ -201,7 +204,8 @@ def lowered_vertices(blade: Blade, mesh: FlatMesh, step: float) -> LoweredVertic
 
 def _factors(blade: Blade, rim: RimThickness, mesh: FlatMesh, allowed: BoolArray, step: float) -> FloatArray:
     """Return the factors (n,) of heights; the thickness is bounded from corners alone that are `allowed` (n,)."""
-    flat, triangles, thickness, fixed = mesh.flat, mesh.triangles, rim.values(mesh.flat[:, :2]), mesh.on_edge(rim)
+    flat, triangles, thickness = mesh.flat, mesh.triangles, rim.values(mesh.flat[:, :2])
+    fixed = mesh.on_edge(rim, EDGE * step)
 
     def crossings(factor: FloatArray) -> BoolArray:
         return find_crossings(blade.lift(np.column_stack([flat[:, :2], flat[:, 2] * factor])), triangles)

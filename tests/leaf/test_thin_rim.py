@@ -162,6 +162,21 @@ def test_a_mesh_with_windows_is_embedded_too(leaf):
     assert report.self_intersections == 0
 
 
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_region_whose_sides_pass_through_the_rim_is_embedded(leaf, closed):
+    """Its sides are as thick as the leaf is there, not as thin as the edge."""
+    report = mesh_report(MeshPlan(leaf, 0.11, [[10.0, 0.2], [11.4, 1.9]], closed=closed).extract().mesh)
+    assert report.components == (1 if closed else 2)
+    assert report.self_intersections == 0
+
+
+def test_a_remeshed_solid_is_embedded(leaf):
+    """Its rim is thinner than its triangles are long, and hairs lean over it."""
+    report = mesh_report(leaf.extract_mesh(0.13, [[9.65, 1.0], [10.35, 2.3]], closed=True, remesh=0.13))
+    assert report.watertight
+    assert (report.components, report.self_intersections) == (1, 0)
+
+
 def test_how_many_are_lowered_is_told_with_their_place(leaf, plan):
     summary = summarize(leaf.blade, plan.extract().mesh, {}, leaf=leaf, surface=plan)
     told = summary["surface"]["lowered_at_the_rim"]

@@ -32,8 +32,8 @@ class RimThickness(Protocol):
     radius: float
     least: float
 
-    def values(self, uv: npt.ArrayLike) -> FloatArray:
-        """Return the thickness (n,) at (n, 2) places of the plane."""
+    def values(self, uv: npt.ArrayLike, edge: float = 0.0) -> FloatArray:
+        """Return the thickness (n,) at (n, 2) places, of which those less than `edge` deep count as on the margin."""
 
 
 class Blade(ABC):

@@ -17,8 +17,9 @@ HALO = 8
 
 ROUNDS = 4
 """So often columns are taken inside for one another; each round sees a cell farther."""
-TINY = 1e-300
-"""Distance of a column on the margin itself that is taken inside."""
+MIN_DEPTH = 1e-4
+"""Steps that a column lies off the margin at least: nearer, the parts of `MIN_FRACTION` that a cut keeps from the ends
+of all edges there would cross one another."""
 
 OUTSIDE, CUT, WHOLE = range(3)
 """What an outline leaves of a place: nothing, what is to be looked at, or all of it."""
@@ -151,7 +152,9 @@ class Footprint:
         Where two stretches of the margin run through one cell, as at the end of a slit, its corners are inside and
         outside by turns, and the sheets above and below, each of two triangles there, would be cut in different ways.
         """
+        least = MIN_DEPTH * float(self.spacing.min())
         distance = self.distances(np.asarray(low) - ROUNDS, np.asarray(high) + ROUNDS)
+        distance = np.where(distance > 0, np.maximum(distance, least), np.minimum(distance, -least))
         for _ in range(ROUNDS):
             crossed = np.argwhere(_corners(distance > 0))
             if not len(crossed):
@@ -160,7 +163,7 @@ class Footprint:
             depth = np.where(distance[corners] > 0, -np.inf, distance[corners]).argmax(axis=1)
             i, j = (each[np.arange(len(crossed)), depth] for each in corners)
             # A column on the margin is outside, too.
-            distance[i, j] = np.maximum(-distance[i, j], TINY)
+            distance[i, j] = np.maximum(-distance[i, j], least)
         return np.ascontiguousarray(distance[ROUNDS:-ROUNDS, ROUNDS:-ROUNDS])
 
     @property

@@ -9,5 +9,6 @@
 `projection_target`  surfaces that vertices are projected onto when they have moved
 `blocks`             the mesh cut into blocks that are edited side by side
 `submesh`            the edits of one block
+`apart`              all but what came to cross, which stays as it was
 `remesh`             all of it, in sweeps with their borders in different places
 """

@@ -17,8 +17,8 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray, build_mesh, require_tr
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import in_words, require_resources
 from o3dleaf.io.labelled_mesh import LabelledMesh, with_or_without_labels
-from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, label_fans
+from o3dleaf.surface.remeshing.apart import crossing_of, remesh_apart, wider
 from o3dleaf.surface.remeshing.blocks import Charted, Task, edit_in_blocks, edit_part
 from o3dleaf.surface.remeshing.limits import Limits
 from o3dleaf.surface.remeshing.projection_target import FieldTarget, MeshTarget, ProjectionTarget
@@ -61,8 +61,9 @@ def remesh(
     a field, vertices that move are put back onto it by Newton's method, x ← x − (F − isovalue) ∇F/\|∇F\|²;
     without one, onto the nearest point of the mesh as it was. Each edit takes the surface no further than
     `deviation`, all of them a few times as far; sharp edges without labels are rounded. The border stays bit for
-    bit, and no edit changes the topology. The same input gives the same
-    mesh, whatever the number of threads.
+    bit, and no edit changes the topology. Where triangles cross whatever is done, as where two sheets lie much
+    closer together than the edges are long, those of the mesh as it was stay. The same input gives the same mesh,
+    whatever the number of threads.
 
     Parameters
     ----------
@@ -131,6 +132,8 @@ def remesh_charted(
 ) -> Charted:
     """Return a mesh remeshed on its surface: see `remesh`. Where triangles then cross, the mesh is made coarser there.
 
+    What crosses all the same stays as it was: see `remesh_apart`.
+
     Raises
     ------
     InputError
@@ -139,12 +142,23 @@ def remesh_charted(
     limits = Limits(
         SHORTEST * target_edge, LONGEST * target_edge, DEVIATION * target_edge if deviation is None else deviation
     )
+    improved = _improve(mesh, target, limits)
+    untangled, crossing = _untangle(improved, target, limits)
+    if not crossing.any():
+        return untangled
+    with progress.silent():
+        apart = remesh_apart(mesh, improved, lambda part: _improve(part, target, limits))
+    return apart if crossing_of(apart).sum() < crossing.sum() else untangled
+
+
+def _improve(mesh: Charted, target: ProjectionTarget, limits: Limits) -> Charted:
+    """Return a mesh remeshed in all sweeps, whether triangles cross or not."""
     with progress.silent():
         mesh = _refine(mesh, target, limits)
     for part, (share, rounds) in zip(progress.split(*(1,) * len(SWEEPS)), SWEEPS, strict=True):
         with part:
             mesh = edit_in_blocks(mesh, _improving(target, limits, rounds), share)
-    return _untangle(_finish(mesh, target, limits), target, limits)
+    return _finish(mesh, target, limits)
 
 
 def _refine(mesh: Charted, target: ProjectionTarget, limits: Limits) -> Charted:
@@ -164,7 +178,7 @@ def _finish(mesh: Charted, target: ProjectionTarget, limits: Limits) -> Charted:
         near = ~mesh.on_surface[mesh.triangles].all(axis=1) | (_smallest_sines(mesh) < SLIVER)
         if not near.any():
             break
-        mesh = edit_part(mesh, _wider(mesh, _wider(mesh, near)), _improving(target, limits._replace(floor=FLOOR), 1))
+        mesh = edit_part(mesh, wider(mesh, wider(mesh, near)), _improving(target, limits._replace(floor=FLOOR), 1))
     return mesh
 
 
@@ -173,13 +187,6 @@ def _smallest_sines(mesh: Charted) -> FloatArray:
     corners = [mesh.places[mesh.triangles[:, k]] for k in range(3)]
     sides = np.sort([np.linalg.norm(corners[k] - corners[k - 1], axis=1) for k in range(3)], axis=0)
     return np.asarray(2 * triangle_areas(mesh.places, mesh.triangles) / np.maximum(sides[1] * sides[2], 1e-300))
-
-
-def _wider(mesh: Charted, chosen: BoolArray) -> BoolArray:
-    """Return the triangles that share a vertex with chosen ones, and these."""
-    touched = np.zeros(len(mesh.places), dtype=bool)
-    touched[mesh.triangles[chosen]] = True
-    return np.asarray(touched[mesh.triangles].any(axis=1))
 
 
 def _improving(target: ProjectionTarget, limits: Limits, rounds: int, smooth: int = 0) -> Task:
@@ -194,17 +201,21 @@ def _improving(target: ProjectionTarget, limits: Limits, rounds: int, smooth: in
     return task
 
 
-def _untangle(mesh: Charted, target: ProjectionTarget, limits: Limits) -> Charted:
-    """Smooth the mesh around triangles that cross, and make it coarser, until none do or all rounds have passed."""
+def _untangle(mesh: Charted, target: ProjectionTarget, limits: Limits) -> tuple[Charted, BoolArray]:
+    """Smooth the mesh around triangles that cross, and make it coarser, until none do or all rounds have passed.
+
+    Return it and which of its triangles (m,) cross.
+    """
+    crossing = crossing_of(mesh)
     for number in range(1, UNTANGLING_ROUNDS + 1):
-        crossing = find_crossings(mesh.places, mesh.triangles)
         if not crossing.any():
             break
         near: BoolArray = crossing
         for _ in range(1 + number):
-            near = _wider(mesh, near)
+            near = wider(mesh, near)
         mesh = edit_part(mesh, near, _improving(target, limits.coarser(COARSENING**number), 3, smooth=number))
-    return mesh
+        crossing = crossing_of(mesh)
+    return mesh, crossing
 
 
 def _as_labels(labels: npt.ArrayLike | None, count: int) -> npt.NDArray[np.uint8]:

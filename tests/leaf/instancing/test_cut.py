@@ -140,6 +140,25 @@ def test_one_cell_to_a_period_is_enough(closed, shape):
     assert (report.components, report.boundary_loops, report.genus) == ((1, 0, 0) if closed else (2, 2, 0))
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-7, 1e-5])
+def test_corners_on_columns_of_the_lattice_make_no_triangles_cross(off):
+    """Corners of polygons on its columns, or so many steps from them: slivers there are as thin as rounding makes."""
+    tile, rng = extract_tile(solid_layer, LATTICE), np.random.default_rng(7)
+    origin, step = np.array(LATTICE.origin[:2]), np.array(LATTICE.spacing[:2])
+    found = 0
+    while found < 8:
+        angle, radius = np.sort(rng.uniform(0, 2 * np.pi, 9)), rng.uniform(5, 25, 9)
+        corners = np.round(radius * [np.cos(angle), np.sin(angle)]).T + rng.uniform(-off, off, (9, 2))
+        polygon = shapely.Polygon(corners)
+        if not polygon.is_valid or polygon.area < 60:
+            continue
+        _, solid = cut(tile, ring(origin + step * corners), closed=True)
+        report = mesh_report((solid.vertices, solid.triangles))
+        assert report.watertight
+        assert (report.components, report.self_intersections) == (1, 0)
+        found += 1
+
+
 def hairy(points):
     """The layer with hairs that lean over its outline, thinner than a step across and farther apart than the air."""
     x, y, z = points.T
