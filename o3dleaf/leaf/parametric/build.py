@@ -30,9 +30,11 @@ from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
 from o3dleaf.leaf.residuals.noise import local_noise
 from o3dleaf.leaf.sheet.holes import split_bow_ties
 from o3dleaf.leaf.sheet.pieces.slits import find_slits
+from o3dleaf.leaf.sheet.pieces.table import Table, find_table
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
 from o3dleaf.leaf.sheet.two_sides import find_both_sides
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.cloud.usable_points import usable_rows
 
 MAX_RESIDUAL = 10.0
 """Noise deviations beyond which a point says nothing of where the leaf ends, where that is more than `NEAR`."""
@@ -78,8 +80,9 @@ def build_parametric_blade(
     # One open sheet near the points: passes that disagree are averaged, what lies over it is left out.
     with journal.stage("find sheet"):
         scan = points
+        bed = _table_of(scan, options)
         points, others, apart = _piece_of(scan, options)
-        points, petiole = _part_petiole(points, options)
+        points, petiole = _part_petiole(points, options) if bed is None else (points, _Parted())
         points, sides = _between_sides(points, options)
         sheet = find_sheet(points, one_sheet=options.one_sheet)
     # Laid flat with little stretch and turned, base at u = 0 and the midrib along v = 0.
@@ -125,9 +128,8 @@ def build_parametric_blade(
     table = None if options.thickness is None else as_factors(options.thickness, "thickness")
     thickness = None if table is None else ThicknessMap(table, margin.bounds)
     rim = options.rim_radius
-    return ParametricBlade(
-        surface, margin, rim_radius=rim, notes=notes, thickness=thickness, petiole=petiole.cut, other_pieces=others
-    )
+    several = others is not None or (sheet.leftovers is not None and len(sheet.leftovers.pieces) > 1)
+    return ParametricBlade(surface, margin, rim, notes, thickness, petiole.cut, others, several)
 
 
 class _Parted(NamedTuple):
@@ -149,6 +151,16 @@ def _piece_of(points: FloatArray, options: BladeOptions) -> tuple[FloatArray, Fl
         return own, None, sheet.off_sheet
     line = f"piece {options.piece}: {len(others):,} of the scan's {len(points):,} points belong to other pieces"
     return own, others, (f"{line}, by which the blade is not judged", *sheet.off_sheet)
+
+
+def _table_of(points: FloatArray, options: BladeOptions) -> Table | None:
+    """Return a table that lies flat with what is on it in one sheet; refuse one that would be taken for the leaf."""
+    table = None if options.piece is not None else find_table(points, usable_rows(points))
+    if table is None or not table.would_be_taken:
+        return table
+    cause = ReconstructionError(f"scan: {table.said()}")
+    pieces = find_sheet(points, one_sheet=options.one_sheet).leftovers
+    raise cause if pieces is None or len(pieces.pieces) < 2 else pieces.named_in(cause)
 
 
 @contextmanager
