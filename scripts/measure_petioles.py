@@ -3,7 +3,8 @@
     python scripts/measure_petioles.py [--narrow] [--held-out] [NUMBER ...]
 
 Printed are how many petioles are cut off, with the shares of their points and of the blade's that are, and the sizes
-of those that are kept, in spacings and in widths; with `--narrow` the narrow leaves that something is cut off of.
+of those that are kept, in spacings and in widths, and whether they are told; with `--narrow` the narrow leaves that
+something is cut off of, or told.
 """
 
 import argparse
@@ -58,17 +59,18 @@ def draw_narrow(number, *, held_out=False):
 
 
 def found_in(points):
-    """Return which points are kept, and the petiole or None, as a blade's are."""
+    """Return which points are kept, the petiole or None, and a line on what may be one, as of a blade."""
     return find_petiole(points, OrientedCloud.of(points).noise)
 
 
-def tell_kept(number, drawn):
-    """Print the sizes of a petiole that is kept."""
+def tell_kept(number, drawn, told):
+    """Print the sizes of a petiole that is kept, and whether it is told."""
     spacing = drawn["spacing"]
     print(
         f"{number:2d} arc {drawn['arc']:.0f}°: {drawn['diameter'] / spacing:.1f} spacings wide, noise "
         f"{drawn['noise'] / spacing:.1f}; {drawn['length'] / drawn['diameter']:.1f} times as long as wide, "
-        f"{drawn['length'] / drawn['width']:.2f} of the blade's width, that {drawn['width'] / drawn['diameter']:.1f}",
+        f"{drawn['length'] / drawn['width']:.2f} of the blade's width, that {drawn['width'] / drawn['diameter']:.1f}"
+        f"{'; told' if told else ''}",
         flush=True,
     )
 
@@ -80,24 +82,27 @@ if __name__ == "__main__":
     parser.add_argument("--held-out", action="store_true", help="other leaves, to be run once, at the end")
     options = parser.parse_args()
     if options.narrow:
-        count = 0
+        count = lines = 0
         for number in options.numbers or range(96):
             points, name = draw_narrow(number, held_out=options.held_out)
-            petiole = found_in(points)[1]
+            _, petiole, told = found_in(points)
             count += petiole is not None
+            lines += len(told)
             if petiole is not None:
                 print(f"{number:2d} {name}: {petiole}", flush=True)
-        print(f"{count} of {len(options.numbers) or 96} narrow leaves lose something")
+        print(
+            f"{count} of {len(options.numbers) or 96} narrow leaves lose something; {lines} told to have a narrow part"
+        )
     else:
-        shares = []
+        shares, lines = [], 0
         for number in options.numbers or range(60):
             points, is_stalk, drawn = draw_petiole(number, held_out=options.held_out)
-            kept, petiole = found_in(points)
+            kept, petiole, told = found_in(points)
             if petiole is None:
-                tell_kept(number, drawn)
+                tell_kept(number, drawn, told)
+                lines += len(told)
             else:
                 shares.append([np.mean(~kept[is_stalk]), np.mean(~kept[~is_stalk])])
         cut = np.quantile(shares, [0.05, 0.5, 0.95], axis=0).T
-        print(
-            f"{len(shares)} of {len(options.numbers) or 60} cut off; 5, 50, 95 % of the shares cut: {np.round(cut, 3)}"
-        )
+        print(f"{len(shares)} of {len(options.numbers) or 60} are cut off, {lines} told")
+        print(f"5, 50, 95 % of the shares that are cut off of petiole and blade: {np.round(cut, 3)}")

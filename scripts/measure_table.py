@@ -14,10 +14,9 @@ from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
 from o3dleaf.core.errors import O3DLeafError
-from o3dleaf.leaf.sheet.pieces.table import find_table
+from o3dleaf.leaf.parametric.build import refuse_table
 from o3dleaf.leaf.sheet.sheet import find_sheet
 from o3dleaf.samples.leaves.on_table import drawn_pressed, drawn_table
-from o3dleaf.surface.cloud.usable_points import usable_rows
 
 
 def counts(what):
@@ -27,8 +26,10 @@ def counts(what):
 
 def outcome(points):
     """Return what becomes of a scan."""
-    table = find_table(points, usable_rows(points))
-    return "nothing" if table is None else "refused" if table.would_be_taken else "told"
+    try:
+        return "nothing" if refuse_table(points, o3l.BladeOptions()) is None else "told"
+    except O3DLeafError:
+        return "refused"
 
 
 def run(number, options):

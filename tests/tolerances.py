@@ -1070,6 +1070,10 @@ petioles 95 end within it, with a deviation of 0.33."""
 JUNCTION_WIDTH = 0.25
 """Of a petiole's width, known from the variance of some thirty points: 8 % deviation, three of them."""
 
+UNSURE_LENGTH = 0.15
+"""Of the blade's width, that a narrow part is told too short: sections are a tenth of it long, and the last is the
+blade's in part."""
+
 SECTION = 0.02
 """Of a bar's width or depth, the median over its sections: from the variance of 100 points in each found within 0.8 %;
 a variance of a thirteenth of its square instead of a twelfth is off by 4 %."""

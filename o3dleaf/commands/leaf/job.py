@@ -41,7 +41,8 @@ if TYPE_CHECKING:
 class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, ResumeOption, LongJob):
     """Build a leaf from a laser scan, with the micro-structure of a micro-CT volume if one is given.
 
-    Writes the mesh, and beside it a picture (.png) and a summary (.json) of the same name.
+    Writes the mesh, and beside it a picture (.png) and a summary (.json) of the same name, and of a scan that has
+    several pieces a picture of these (.pieces.png).
     """
 
     scan: Path = argument("Point cloud of one leaf: PLY, PCD, XYZ, PTS, TXT, CSV, ASC, LAS, E57, ...", reads=True)

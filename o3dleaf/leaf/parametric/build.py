@@ -80,7 +80,7 @@ def build_parametric_blade(
     # One open sheet near the points: passes that disagree are averaged, what lies over it is left out.
     with journal.stage("find sheet"):
         scan = points
-        bed = _table_of(scan, options)
+        bed = refuse_table(scan, options)
         points, others, apart = _piece_of(scan, options)
         points, petiole = _part_petiole(points, options) if bed is None else (points, _Parted())
         points, sides = _between_sides(points, options)
@@ -153,14 +153,21 @@ def _piece_of(points: FloatArray, options: BladeOptions) -> tuple[FloatArray, Fl
     return own, others, (f"{line}, by which the blade is not judged", *sheet.off_sheet)
 
 
-def _table_of(points: FloatArray, options: BladeOptions) -> Table | None:
-    """Return a table that lies flat with what is on it in one sheet; refuse one that would be taken for the leaf."""
+def refuse_table(points: FloatArray, options: BladeOptions) -> Table | None:
+    """Return the table that lies flat in one sheet with what is on it, or None; refuse one that a blade would be of.
+
+    Raises
+    ------
+    ReconstructionError
+        If the sheet of points (n, 3) is a table's, and no piece was asked for; it names the pieces.
+    """
     table = None if options.piece is not None else find_table(points, usable_rows(points))
-    if table is None or not table.would_be_taken:
+    if table is None or not table.is_sure:
         return table
-    cause = ReconstructionError(f"scan: {table.said()}")
     pieces = find_sheet(points, one_sheet=options.one_sheet).leftovers
-    raise cause if pieces is None or len(pieces.pieces) < 2 else pieces.named_in(cause)
+    if pieces is None or not table.is_in(pieces.held):
+        return None
+    raise pieces.named_in(ReconstructionError(f"scan: {table.said()}"))
 
 
 @contextmanager
@@ -187,9 +194,9 @@ def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray
     except InputError:
         # No surface shows in these points; the search for a sheet says so, and where.
         return points, _Parted()
-    blade, petiole = find_petiole(points, noise)
+    blade, petiole, unsure = find_petiole(points, noise)
     if petiole is None:
-        return points, _Parted()
+        return points, _Parted(notes=unsure)
     end, junction = np.array(petiole.end), np.array(petiole.junction)
     if options.keep_petiole:
         return points, _Parted(end, None, (f"{petiole}: kept as part of the blade",))

@@ -170,6 +170,15 @@ def told_lengths(notes):
     return [float(number.replace(",", "")) * unit_scale(name, "m") for number, name in told]
 
 
+def test_what_may_be_a_petiole_is_a_line_of_the_read_out(monkeypatch):
+    points = np.random.default_rng(0).uniform(0, 20, (500, 3)) * [1, 1, 0]
+    monkeypatch.setattr(build, "find_petiole", lambda some, _: (np.ones(len(some), bool), None, ("a narrow part",)))
+    left, parted = build._part_petiole(points, BladeOptions())
+    assert left is points
+    assert parted.notes == ("a narrow part",)
+    assert parted.cut is None
+
+
 def test_a_petiole_that_was_cut_off_does_not_lie_beside_the_blade():
     scan = o3l.samples.scan_leaf(o3l.samples.leaf_shape("petiole"), spacing=1.1, noise=0.2, seed=2)
     blade = build.build_parametric_blade(scan.points, None, "mm", BladeOptions())

@@ -31,6 +31,8 @@ MIN_POINTS = 100
 """Points over a table that can be a leaf, at least: ten spacings across."""
 RELIEF = 0.2
 """Height of what is joined over a plane's width from which on it is no relief of a leaf that lies flat."""
+MOSTLY = 0.5
+"""Share of its points."""
 MAX_BELOW = 0.05
 """Points under the table over those above it, at most: nothing is seen through a table."""
 CELL = 3.0
@@ -60,10 +62,13 @@ class Table(NamedTuple):
     width: float
 
     @property
-    def would_be_taken(self) -> bool:
-        """Whether it is the largest piece, or what stands on it is too tall for the relief of a leaf that lies flat."""
-        is_largest = bool(self.apart) and len(self.on) > max(map(len, self.apart))
-        return is_largest or self.height > RELIEF * self.width
+    def is_sure(self) -> bool:
+        """Whether something stands apart, or what is joined is too tall for the relief of a leaf that lies flat."""
+        return bool(self.apart) or self.height > RELIEF * self.width
+
+    def is_in(self, held: IntArray) -> bool:
+        """Return whether a sheet, some rows (k,), holds most of the plane."""
+        return bool(np.isin(self.on, held).mean() > MOSTLY)
 
     @property
     def parts(self) -> tuple[IntArray, ...]:

@@ -7,6 +7,7 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.leaf.parametric import build
 from o3dleaf.leaf.sheet.pieces.table import find_table
 from o3dleaf.leaf.sheet.sheet import find_sheet
 from o3dleaf.samples.leaves.on_table import KINDS, ON_LEAF, LeafOnTable, drawn_pressed, drawn_table
@@ -26,7 +27,7 @@ def square(rng, width, count, height=0.0):
 def test_a_table_and_the_leaf_that_rises_from_it_are_told_apart(number, is_refused):
     scan = drawn_table(number).scan()
     table = table_of(scan.points)
-    assert table.would_be_taken == is_refused
+    assert table.is_sure == is_refused
     rising = np.concatenate(table.apart + table.joined)
     leaf = np.flatnonzero(scan.what == 1)
     assert len(np.setdiff1d(leaf, rising)) <= ON_TABLE * len(leaf)
@@ -65,14 +66,23 @@ def test_a_leaf_that_lies_on_a_table_is_told_and_a_piece():
     assert [int(piece.argmax()) for piece in pieces] == [0, 1]
 
 
-def test_a_table_that_a_larger_leaf_hangs_over_takes_no_blade():
+def test_a_table_of_a_quarter_of_the_points_is_one_and_of_fewer_none():
     rng = np.random.default_rng(1)
     bed, leaf = square(rng, 30, 900), square(rng, 45, 2025, 20.0)
     leaf[:, 2] += leaf[:, 0] ** 2 / 100
-    table = table_of(np.concatenate([bed, leaf]))
-    assert [len(group) for group in table.apart] == [len(leaf)]
-    assert not table.would_be_taken
-    assert table_of(np.concatenate([square(rng, 80, 6400), leaf])).would_be_taken
+    assert [len(group) for group in table_of(np.concatenate([bed, leaf])).apart] == [len(leaf)]
+    assert table_of(np.concatenate([bed[:500], leaf])) is None
+
+
+def test_a_table_is_refused_where_the_sheet_is_its_own():
+    """Not where a larger leaf hangs over it, of whatever density."""
+    rng = np.random.default_rng(1)
+    leaf = square(rng, 45, 2025, 20.0)
+    leaf[:, 2] += leaf[:, 0] ** 2 / 100
+    small, sparse = square(rng, 30, 3600), square(rng, 90, 1800)
+    assert build.refuse_table(np.concatenate([small, leaf]), o3l.BladeOptions()) is None
+    with pytest.raises(ReconstructionError, match="as a leaf over a table does"):
+        build.refuse_table(np.concatenate([sparse, leaf]), o3l.BladeOptions())
 
 
 def test_nothing_is_seen_through_a_table():
@@ -114,6 +124,21 @@ def test_a_plant_on_a_table_is_no_petiole_of_it():
     assert drawn.pose == "standing"
     with pytest.raises(ReconstructionError, match="as a leaf over a table does"):
         o3l.create_blade(drawn.scan().points, unit="mm")
+
+
+def test_on_a_table_no_petiole_is_looked_for(monkeypatch):
+    """Where what lies on it is told only."""
+
+    def looked_for(*_):
+        raise AssertionError
+
+    def stop(*_):
+        raise ReconstructionError("the next step")
+
+    monkeypatch.setattr(build, "find_petiole", looked_for)
+    monkeypatch.setattr(build, "find_both_sides", stop)
+    with pytest.raises(ReconstructionError, match="the next step"):
+        o3l.create_blade(drawn_table(24).scan().points, unit="mm")
 
 
 def test_few_points_are_no_table():
