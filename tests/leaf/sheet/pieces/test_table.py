@@ -69,7 +69,7 @@ def test_a_leaf_that_lies_on_a_table_is_told_and_a_piece():
 def test_a_table_of_a_quarter_of_the_points_is_one_and_of_fewer_none():
     rng = np.random.default_rng(1)
     bed, leaf = square(rng, 30, 900), square(rng, 45, 2025, 20.0)
-    leaf[:, 2] += leaf[:, 0] ** 2 / 100
+    leaf[:, 2] += leaf[:, 0] ** 2 / 20
     assert [len(group) for group in table_of(np.concatenate([bed, leaf])).apart] == [len(leaf)]
     assert table_of(np.concatenate([bed[:500], leaf])) is None
 
