@@ -133,11 +133,12 @@ def _part(
 
 
 def _tell(points: FloatArray, between: FloatArray, place: _Crossed) -> str:
-    """Return what is said of points (m, 3) where leaves cross, of all (n, 3)."""
-    share = f"{len(between):,} points there, {100 * len(between) / len(points):.3g} %,"
+    """Return what is said of points (m, 3) where leaves cross, of all (n, 3): shares, as these may be a scan thinned."""
+    share = f"the points there, {100 * len(between) / len(points):.3g} % of all,"
     at = tell_middle(between, points)
     if place.both:
-        unsure = f", {place.unsure:,} of them within the noise of both" if place.unsure else ""
+        of_them = f", {100 * place.unsure / len(between):.3g} % of them within the noise of both"
+        unsure = of_them if place.unsure else ""
         return f"two leaves cross around {at}: {share} are each taken for the leaf that they are nearer to{unsure}"
     if place.is_sure:
         return f"two leaves cross around {at}, where one hides the other: {share} are taken for the one in front"

@@ -109,7 +109,7 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
     if parted.length > 0:
         said += f", and touch along at least {tell_length(parted.length * spacing)}"
     if parted.unsure:
-        said += f" ({parted.unsure:,} points within the noise of both)"
+        said += f" ({100 * parted.unsure / len(points):.3g} % of the points within the noise of both)"
     return LeafPair((rows[parted.above], rows[parted.below]), said, parted.length)
 
 
