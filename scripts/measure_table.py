@@ -1,67 +1,76 @@
-"""Leaves scanned with the table that they hang over: how much of a blade of both is stretched, and what becomes of it.
+"""Leaves of known shape scanned with a table, and pressed ones without: what is found, refused and told.
 
-    python scripts/measure_table.py [--kinds KIND ...] [--gaps SPACINGS ...]
+    python scripts/measure_table.py [--pressed] [--held-out] [--blades] [NUMBER ...]
 
-Printed of each scan are the shares of the area stretched below one half or above twice, each time that the surface has
-settled with more smoothing, seconds, and the refusal or the blade's area.
+Printed of each scan are the points of table, leaf and clip; whether a blade of the whole scan is refused, told to hold
+a table, or neither; and the same points of each piece that can be asked for; with `--blades` also of which of them the
+vertices of a blade of the whole scan lie nearest to, as shares. Of pressed leaves those that are taken for a table.
 """
 
 import argparse
-import time
 
 import numpy as np
-from leaf_cases import KINDS
 from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
 from o3dleaf.core.errors import O3DLeafError
-from o3dleaf.leaf.chart.flatten import WORST, _far
-from o3dleaf.leaf.parametric import surface_fit
-
-SPACING = 0.8
-REACH = 2.0
-"""Of the table, in those of the leaf."""
-SHAPES = {"eaten": {"length": 40, "width": 16}, "lobed": {"length": 60, "width": 50}}
+from o3dleaf.leaf.parametric.build import refuse_table
+from o3dleaf.leaf.sheet.sheet import find_sheet
+from o3dleaf.samples.leaves.on_table import drawn_pressed, drawn_table
 
 
-def with_table(points, gap):
-    """Return a scan (n, 3) from above of a leaf and of a table, so many spacings below its lowest point."""
-    points = points - [*points[:, :2].mean(axis=0), points[:, 2].min() - gap * SPACING]
-    reach = REACH * np.abs(points[:, :2]).max(axis=0)
-    plane = np.random.default_rng(1).uniform(-reach, reach, (int(4 * reach.prod() / SPACING**2), 2))
-    seen = plane[cKDTree(points[:, :2]).query(plane)[0] > SPACING]
-    return np.concatenate([points, np.column_stack([seen, np.zeros(len(seen))])])
+def counts(what):
+    """Return how many are of table, leaf and clip, in words."""
+    return " + ".join(str(count) for count in np.bincount(what, minlength=3))
 
 
-def run(scan):
-    """Return the shares stretched of each surface that settled, and what became of the blade."""
-    shares, settle = [], surface_fit._settle  # noqa: SLF001
-
-    def noted(*given):
-        settled = settle(*given)
-        shares.append(_far(settled.mesh.vertices, settled.mesh.triangles, settled.mesh.chart)[1])
-        return settled
-
-    surface_fit._settle = noted  # noqa: SLF001
+def outcome(points):
+    """Return what becomes of a scan."""
     try:
-        return shares, f"blade of {o3l.create_blade(scan, unit='mm').outline.area:.0f} mm²"
+        return "nothing" if refuse_table(points, o3l.BladeOptions()) is None else "told"
+    except O3DLeafError:
+        return "refused"
+
+
+def run(number, options):
+    """Print the lines of one scan, and return what becomes of it."""
+    drawn = drawn_table(number, held_out=options.held_out)
+    scan = drawn.scan()
+    how = f"{drawn.kind} {drawn.pose}, gap {drawn.gap:g}, noise {drawn.noise:g}, size {drawn.size:.1f}"
+    found = outcome(scan.points)
+    pieces = find_pieces(scan)
+    print(f"{number:2d} {how}: {counts(scan.what)}; {found}; pieces {', '.join(pieces)}", flush=True)
+    if options.blades:
+        try:
+            vertices = np.asarray(o3l.create_blade(scan.points, unit="mm").extract_mesh(1.5).vertices)
+            nearest = scan.what[cKDTree(scan.points).query(vertices)[1]]
+            print(f"   blade: {np.round(np.bincount(nearest, minlength=3) / len(nearest), 2)}", flush=True)
+        except O3DLeafError as refusal:
+            print(f"   {refusal}", flush=True)
+    return found
+
+
+def find_pieces(scan):
+    """Return the points of each piece of a scan, in words."""
+    try:
+        return [counts(scan.what[rows]) for rows in find_sheet(scan.points).leftovers.pieces]
     except O3DLeafError as refusal:
-        return shares, str(refusal)
-    finally:
-        surface_fit._settle = settle  # noqa: SLF001
+        return [str(refusal)]
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--kinds", nargs="*", default=list(SHAPES), choices=KINDS)
-    parser.add_argument("--gaps", nargs="*", type=float, default=[0.0, 1.0, 3.0])
+    parser.add_argument("numbers", metavar="NUMBER", type=int, nargs="*")
+    parser.add_argument("--pressed", action="store_true", help="leaves pressed flat, without a table")
+    parser.add_argument("--held-out", action="store_true", help="other leaves, to be run once, at the end")
+    parser.add_argument("--blades", action="store_true", help="the blades of the whole scans, too")
     options = parser.parse_args()
-    print(f"shares stretched below {WORST[0]:g} or above {WORST[1]:g}, spacing {SPACING:g} mm")
-    for kind in options.kinds:
-        shape = {"kind": kind, **KINDS[kind], **SHAPES.get(kind, {})}
-        points = o3l.samples.scan_leaf(o3l.samples.leaf_shape(**shape), seed=0, spacing=SPACING).points
-        for gap in options.gaps:
-            start = time.perf_counter()
-            shares, end = run(with_table(points, gap))
-            listed = ", ".join(f"{share:.3f}" for share in shares)
-            print(f"{kind}, gap {gap:g}: {listed or 'none'}; {time.perf_counter() - start:.0f} s: {end}", flush=True)
+    if options.pressed:
+        drawn = [drawn_pressed(number, held_out=options.held_out) for number in options.numbers or range(60)]
+        alarms = [f"{name}: {end}" for name, points in drawn if (end := outcome(points)) != "nothing"]
+        print(
+            f"{len(drawn)} pressed leaves, {len(alarms)} taken for a table{': ' if alarms else ''}{'; '.join(alarms)}"
+        )
+    else:
+        ends = [run(number, options) for number in options.numbers or range(36)]
+        print("; ".join(f"{ends.count(end)} {end}" for end in ("refused", "told", "nothing")))

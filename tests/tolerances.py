@@ -855,6 +855,9 @@ RESTING_WRONG = 0.025
 """Share of a leaf's points that the piece of the other, which it rests on, has: 0.023 at most found. Whole leaves are
 joined without the cut, and more than 0.2 of the upper one is wrong without the surfaces, where both are seen."""
 
+ON_TABLE = 0.03
+"""Share of the points of a leaf on a table that are taken for the table's, and the reverse: of it within three
+deviations of the plane or half a spacing, and of the plane 0.3 % beyond three."""
 RESTING_AREA = 0.02
 """Of a leaf that rests on another, over what is seen of it: 0.002 and 0.013 found; both together are 0.4 too large."""
 
@@ -1066,6 +1069,10 @@ JUNCTION = 1.0
 petioles 95 end within it, with a deviation of 0.33."""
 JUNCTION_WIDTH = 0.25
 """Of a petiole's width, known from the variance of some thirty points: 8 % deviation, three of them."""
+
+UNSURE_LENGTH = 0.15
+"""Of the blade's width, that a narrow part is told too short: sections are a tenth of it long, and the last is the
+blade's in part."""
 
 SECTION = 0.02
 """Of a bar's width or depth, the median over its sections: from the variance of 100 points in each found within 0.8 %;

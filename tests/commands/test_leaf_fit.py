@@ -94,3 +94,5 @@ def test_of_a_piece_that_is_asked_for_that_piece_is_measured(run, tmp_path):
     said = " ".join(result.stderr.split())
     assert said.count("belong to other pieces") == 1
     assert "warning" not in said
+    assert "the scan's 2 pieces, with their numbers: see leaf.pieces.png" in said
+    assert imread(tmp_path / "leaf.pieces.png").std() > 0

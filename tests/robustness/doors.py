@@ -437,6 +437,7 @@ DOORS: dict[str, Door] = {
         thickness=OBJECT.like(lambda w: thickness_map()).optional,
         petiole=OBJECT.like(lambda w: Petiole(9.0, 1.0, 9.0, (0, 0, 0), (9, 0, 0), (1, 0, 0))).optional,
         other_pieces=QUERIES.optional,
+        several_pieces=FLAG,
     ),
     "ThicknessMap": door(o3l.ThicknessMap, factors=FACTORS, bounds=REGION),
     "ThicknessMap.values": Door(lambda _: thickness_map().values, {"uv": PLACES}),

@@ -41,7 +41,8 @@ if TYPE_CHECKING:
 class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, ResumeOption, LongJob):
     """Build a leaf from a laser scan, with the micro-structure of a micro-CT volume if one is given.
 
-    Writes the mesh, and beside it a picture (.png) and a summary (.json) of the same name.
+    Writes the mesh, and beside it a picture (.png) and a summary (.json) of the same name, and of a scan that has
+    several pieces a picture of these (.pieces.png).
     """
 
     scan: Path = argument("Point cloud of one leaf: PLY, PCD, XYZ, PTS, TXT, CSV, ASC, LAS, E57, ...", reads=True)
@@ -258,12 +259,28 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         if self.picture:
             with journal.stage("draw picture"):
                 render_leaf(leaf, mesh, self.beside(".png"), self.region_of(blade), fit.warnings)
+        if self.picture and blade.several_pieces:
+            self.draw_pieces(scan)
         if self.distortion is not None:
             with journal.stage("draw distortion"):
                 render_distortion(blade, self.beside(".distortion.png"), measure=self.distortion)
         if self.fit_map:
             with journal.stage("draw fit"):
                 render_residuals(blade, scan, self.beside(".fit.png"), fit=fit)
+
+    def draw_pieces(self, scan: "o3d.geometry.PointCloud") -> None:
+        """Draw the pieces of a scan that has several, with the numbers by which they are asked for, and name the file.
+
+        It is written only then, as the picture of a scan that is refused is.
+        """
+        from o3dleaf.leaf.pipeline import find_pieces
+        from o3dleaf.output.view.leaf_picture import render_pieces
+
+        path = self.beside(".pieces.png")
+        with journal.stage("draw pieces"):
+            pieces = find_pieces(scan, unit=self.scan_unit, one_sheet=self.one_sheet)
+            render_pieces(pieces, path, unit=self.scan_unit)
+        journal.note(f"the scan's {len(pieces)} pieces, with their numbers: see {path.name}")
 
     def line(self, summary: dict[str, Any]) -> str:
         """Return what was built."""

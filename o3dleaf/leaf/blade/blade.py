@@ -55,11 +55,14 @@ class Blade(ABC):
         What of the scan was left out, cut off, filled or averaged, one line each.
     other_pieces : (k, 3) ndarray or None
         Where a piece of the scan was asked for, its points that belong to other ones.
+    several_pieces : bool
+        Whether the scan has other pieces that could be asked for; not kept in a file.
     """
 
     outline: Outline
     notes: tuple[str, ...] = ()
     other_pieces: FloatArray | None = None
+    several_pieces: bool = False
     open_edges: ClassVar[OpenEdges] = "cells"
 
     @property

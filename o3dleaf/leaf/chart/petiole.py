@@ -14,7 +14,7 @@ from o3dleaf.leaf.chart.stalk.junction import Junction, find_junction
 from o3dleaf.leaf.chart.stalk.lobes import is_one_of_several
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
 from o3dleaf.leaf.chart.stalk.sections import sections_along
-from o3dleaf.leaf.chart.stalk.stretches import find_stretch
+from o3dleaf.leaf.chart.stalk.stretches import StalkStretch, find_stretch
 
 MAX_POINTS = 20_000
 """Points among which a petiole is looked for, at most; the junction is found among all."""
@@ -68,12 +68,13 @@ class Petiole:
         return f"petiole: {size}, from {end} to the blade at {junction}"
 
 
-def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Petiole | None]:
-    """Return which (n,) points are not petiole, and the petiole or None.
+def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Petiole | None, tuple[str, ...]]:
+    """Return which (n,) points are not petiole, the petiole or None, and a line on what may be one and is kept.
 
     The leaf is cut into sections at equal distance from one of its ends; a petiole is a stretch of them that is
     narrow against the widest, long against itself, and does not taper to the end as a tip does; and no two other ends
-    of the leaf look like it, as lobes do. It ends at the plane across it from which on its sections widen.
+    of the leaf look like it, as lobes do. It ends at the plane across it from which on its sections widen. One that is
+    too short or flat, or too few points wide, is kept and told, but for the tips of narrow leaves.
 
     Parameters
     ----------
@@ -83,8 +84,9 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
         Standard deviation of the points across the surface.
     """
     blade, found = np.ones(len(points), dtype=bool), None
+    unsure: list[tuple[StalkStretch, int]] = []
     if len(points) < FEWEST:
-        return blade, found
+        return blade, found, ()
     some = np.arange(len(points))
     if len(points) > MAX_POINTS:
         some = np.sort(np.random.default_rng(0).permutation(len(points))[:MAX_POINTS])
@@ -96,12 +98,16 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
         distance = ways.from_point(end)
         sections = sections_along(ways.points, ways.cells, distance, noise)
         stretch = find_stretch(sections)
-        if stretch is None or stretch.width < RESOLVED * coarse:
+        if stretch is None:
             continue
         each = np.where(reached, distance[own], np.inf)
-        junction = find_junction(points, each, stretch, spacing, noise)
+        shows = stretch.is_sure and stretch.width >= RESOLVED * coarse
+        junction = find_junction(points, each, stretch, spacing, noise) if shows else None
         # A tip tapers over many of its widths, most of them beyond what few points show to be straight.
-        if junction is None or (sections.is_narrow and junction.width < RESOLVED * spacing):
+        is_narrow = sections.is_narrow_from(stretch.last)
+        if junction is None or (is_narrow and junction.width < RESOLVED * spacing):
+            if not is_narrow and not is_one_of_several(ways, distance <= stretch.last, distance, noise):
+                unsure.append((stretch, end))
             continue
         outside = junction.outside(points, each)
         cut = outside[some[ways.rows]]
@@ -112,7 +118,18 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
             continue
         if found is None or petiole.length / petiole.width > found.length / found.width:
             blade, found = ~outside, petiole
-    return blade, found
+    return blade, found, () if found is not None else _tell_unsure(ways, unsure)
+
+
+def _tell_unsure(ways: PointWays, unsure: list[tuple[StalkStretch, int]]) -> tuple[str, ...]:
+    """Return a line on the longest of some stretches, each with its end, that may be a petiole."""
+    if not unsure:
+        return ()
+    stretch, end = max(unsure, key=lambda each: each[0].length)
+    size = f"about {tell_length(stretch.length)} long and {tell_length(stretch.width)} wide"
+    at = tell_place(ways.points[end], ways.points)
+    said = f"a narrow part, {size}, is kept as blade, its end at {at}"
+    return (f"{said}: too few points tell a petiole from a shred of the margin; cut it off if it is one",)
 
 
 def _nearest(points: FloatArray, some: IntArray, ways: PointWays) -> tuple[IntArray, BoolArray]:

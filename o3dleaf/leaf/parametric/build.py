@@ -30,9 +30,11 @@ from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
 from o3dleaf.leaf.residuals.noise import local_noise
 from o3dleaf.leaf.sheet.holes import split_bow_ties
 from o3dleaf.leaf.sheet.pieces.slits import find_slits
+from o3dleaf.leaf.sheet.pieces.table import Table, find_table
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
 from o3dleaf.leaf.sheet.two_sides import find_both_sides
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.cloud.usable_points import usable_rows
 
 MAX_RESIDUAL = 10.0
 """Noise deviations beyond which a point says nothing of where the leaf ends, where that is more than `NEAR`."""
@@ -78,8 +80,9 @@ def build_parametric_blade(
     # One open sheet near the points: passes that disagree are averaged, what lies over it is left out.
     with journal.stage("find sheet"):
         scan = points
+        bed = refuse_table(scan, options)
         points, others, apart = _piece_of(scan, options)
-        points, petiole = _part_petiole(points, options)
+        points, petiole = _part_petiole(points, options) if bed is None else (points, _Parted())
         points, sides = _between_sides(points, options)
         sheet = find_sheet(points, one_sheet=options.one_sheet)
     # Laid flat with little stretch and turned, base at u = 0 and the midrib along v = 0.
@@ -125,9 +128,8 @@ def build_parametric_blade(
     table = None if options.thickness is None else as_factors(options.thickness, "thickness")
     thickness = None if table is None else ThicknessMap(table, margin.bounds)
     rim = options.rim_radius
-    return ParametricBlade(
-        surface, margin, rim_radius=rim, notes=notes, thickness=thickness, petiole=petiole.cut, other_pieces=others
-    )
+    several = others is not None or (sheet.leftovers is not None and len(sheet.leftovers.pieces) > 1)
+    return ParametricBlade(surface, margin, rim, notes, thickness, petiole.cut, others, several)
 
 
 class _Parted(NamedTuple):
@@ -149,6 +151,23 @@ def _piece_of(points: FloatArray, options: BladeOptions) -> tuple[FloatArray, Fl
         return own, None, sheet.off_sheet
     line = f"piece {options.piece}: {len(others):,} of the scan's {len(points):,} points belong to other pieces"
     return own, others, (f"{line}, by which the blade is not judged", *sheet.off_sheet)
+
+
+def refuse_table(points: FloatArray, options: BladeOptions) -> Table | None:
+    """Return the table that lies flat in one sheet with what is on it, or None; refuse one that a blade would be of.
+
+    Raises
+    ------
+    ReconstructionError
+        If the sheet of points (n, 3) is a table's, and no piece was asked for; it names the pieces.
+    """
+    table = None if options.piece is not None else find_table(points, usable_rows(points))
+    if table is None or not table.is_sure:
+        return table
+    pieces = find_sheet(points, one_sheet=options.one_sheet).leftovers
+    if pieces is None or not table.is_in(pieces.held):
+        return None
+    raise pieces.named_in(ReconstructionError(f"scan: {table.said()}"))
 
 
 @contextmanager
@@ -175,9 +194,9 @@ def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray
     except InputError:
         # No surface shows in these points; the search for a sheet says so, and where.
         return points, _Parted()
-    blade, petiole = find_petiole(points, noise)
+    blade, petiole, unsure = find_petiole(points, noise)
     if petiole is None:
-        return points, _Parted()
+        return points, _Parted(notes=unsure)
     end, junction = np.array(petiole.end), np.array(petiole.junction)
     if options.keep_petiole:
         return points, _Parted(end, None, (f"{petiole}: kept as part of the blade",))

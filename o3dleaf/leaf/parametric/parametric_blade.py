@@ -62,6 +62,8 @@ class ParametricBlade(Blade):
         What was cut off of the scan.
     other_pieces : (k, 3) ndarray or None
         Points of the scan that belong to other pieces than the one that was asked for, in `unit`.
+    several_pieces : bool
+        Whether the scan has other pieces that could be asked for; not kept in a file.
     """
 
     surface: ChartSurface
@@ -71,6 +73,7 @@ class ParametricBlade(Blade):
     thickness: ThicknessMap | None = None
     petiole: Petiole | None = None
     other_pieces: FloatArray | None = None
+    several_pieces: bool = False
 
     open_edges: ClassVar[OpenEdges] = "cut"
 

@@ -23,6 +23,7 @@ from o3dleaf.leaf.sheet.pieces.leftovers import Leftovers, tell_averaging, tell_
 from o3dleaf.leaf.sheet.pieces.necks import find_necks
 from o3dleaf.leaf.sheet.pieces.resting import find_resting
 from o3dleaf.leaf.sheet.pieces.slits import find_slits
+from o3dleaf.leaf.sheet.pieces.table import Table, find_table
 from o3dleaf.leaf.sheet.scan_lines import without_scan_lines
 from o3dleaf.leaf.sheet.widths import (
     LINK,
@@ -139,12 +140,14 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
             apart, number = _pieces_apart(scan, used, piece, cause)
             return _sheet_of_piece(apart, number, one_sheet=one_sheet)
         found = _with_strays(found, scan, used)
-        parts, notes = _parts(scan, found, pair)
+        table = find_table(scan, used)
+        joined = pair if table is None or not table.joined else table
+        parts, notes = _parts(scan, found, joined)
         leftovers = Leftovers.of(scan, found.rows, found.vertices, found.triangles, found.spacing, parts)
         if piece is not None and (piece > 1 or parts):
             return _sheet_of_piece(leftovers, piece, one_sheet=one_sheet)
-        if pair is not None:
-            notes = (pair.tell(found.rows, leftovers.listed()),)
+        if joined is not None:
+            notes = (joined.tell(found.rows, leftovers.listed()),)
         others = found.others if piece is None else leftovers.others(piece)
         return replace(found, leftovers=leftovers, notes=(*found.notes, *notes), others=others)
 
@@ -184,10 +187,12 @@ def _pieces_apart(
     return apart, piece
 
 
-def _parts(scan: FloatArray, sheet: OpenSheet, pair: LeafPair | None) -> tuple[tuple[IntArray, ...], tuple[str, ...]]:
+def _parts(
+    scan: FloatArray, sheet: OpenSheet, joined: LeafPair | Table | None
+) -> tuple[tuple[IntArray, ...], tuple[str, ...]]:
     """Return the rows of each part of a sheet that can be asked for, and a line on necks between them."""
-    if pair is not None:
-        return pair.leaves, ()
+    if joined is not None:
+        return joined.parts, ()
     necks = find_necks(sheet.vertices, sheet.triangles)
     if necks is None:
         return (), ()

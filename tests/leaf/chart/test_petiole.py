@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 import shapely
@@ -7,7 +9,7 @@ from o3dleaf import samples
 from o3dleaf.leaf.chart.petiole import find_petiole
 from o3dleaf.leaf.chart.stalk.lobes import COMMON
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
-from o3dleaf.leaf.chart.stalk.sections import sections_along
+from o3dleaf.leaf.chart.stalk.sections import Sections, sections_along
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, ellipse, lobed, rolled, stalked, triangulated
@@ -38,7 +40,7 @@ def test_sections_of_a_bar_are_as_wide_and_deep_as_the_bar(width, depth):
 @pytest.mark.parametrize("thickness", [2.0, 4.0])
 def test_a_flat_petiole_is_cut_off_at_the_blade_with_its_stub(stub, thickness):
     flat = drawn(stalked(thickness=thickness, stub=stub), 0.5, seed=1)
-    kept, petiole = find_petiole(bent(flat))
+    kept, petiole, _ = find_petiole(bent(flat))
     # An ellipse leaves the petiole of half a width h at h²/(2 r) past its end, r its radius of curvature there, 5.2.
     assert np.mean(kept == (flat[:, 0] > 40)) > 0.98
     assert petiole.width == pytest.approx(thickness, rel=tol.JUNCTION_WIDTH)
@@ -52,7 +54,7 @@ def test_a_flat_petiole_is_cut_off_at_the_blade_with_its_stub(stub, thickness):
 def test_a_round_petiole_ends_where_the_blade_begins(shape, spacing, noise):
     leaf = samples.leaf_shape("petiole", **shape)
     scan = samples.scan_leaf(leaf, spacing=spacing, noise=noise, seed=1)
-    kept, petiole = find_petiole(scan.points, scan.noise)
+    kept, petiole, _ = find_petiole(scan.points, scan.noise)
     base, ahead = leaf.lift([[0.0, 0.0]])[0], leaf.jacobian([[0.0, 0.0]])[0, :, 0]
     off = np.array(petiole.junction) - base
     assert abs(off @ ahead) <= tol.JUNCTION * spacing
@@ -83,7 +85,7 @@ def test_a_petiole_that_is_seen_from_one_side_is_found(arc, diameter, length, sp
     """Of a broad leaf, shorter than that is wide; of some the noise hides the depth."""
     for seed in range(2):
         blade, stalk = seen(arc, diameter, length, spacing, noise, seed)
-        kept, petiole = find_petiole(np.concatenate([blade, stalk]), noise)
+        kept, petiole, _ = find_petiole(np.concatenate([blade, stalk]), noise)
         assert petiole is not None, seed
         assert np.mean(kept[: len(blade)]) > 0.995
         assert np.mean(~kept[len(blade) :]) > 0.85
@@ -97,7 +99,36 @@ def test_the_tip_of_a_narrow_leaf_under_noise_is_no_petiole(kind, angle, length,
     """Its last ten widths are one or two points wide, and may look as straight as a petiole."""
     leaf = samples.leaf_shape(kind, angle=angle, length=length, width=width)
     points = samples.scan_leaf(leaf, seed=seed, spacing=spacing, noise=0.5).points
-    assert find_petiole(points, OrientedCloud.of(points).noise)[1] is None
+    assert find_petiole(points, OrientedCloud.of(points).noise)[1:] == (None, ())
+
+
+@pytest.mark.parametrize(
+    ("arc", "diameter", "length", "spacing", "noise"),
+    [(120, 2.0, 20.0, 0.5, 0.2), (150, 0.7, 30.0, 0.5, 0.0)],
+    ids=["flat and short", "too few points wide"],
+)
+def test_what_may_be_a_petiole_is_kept_and_told_with_its_size_and_place(arc, diameter, length, spacing, noise):
+    blade, stalk = seen(arc, diameter, length, spacing, noise)
+    points = np.concatenate([blade, stalk])
+    kept, petiole, (told,) = find_petiole(points, noise)
+    assert kept.all()
+    assert petiole is None
+    long, wide = (float(number) for number in re.findall(r"([\d.]+) (?:long|wide)", told))
+    assert long == pytest.approx(length, abs=tol.UNSURE_LENGTH * 50)  # the width of the blade
+    assert diameter / 2 < wide < diameter + spacing
+    place = np.array(told.split("its end at ")[1].split(":")[0].split(), dtype=float)
+    assert np.linalg.norm(place - [-length, 0, 0]) < 2 * diameter
+    # Found where it is curled, and wide enough.
+    blade, stalk = seen(180, 2.0, length, 0.4, 0.0)
+    assert find_petiole(np.concatenate([blade, stalk]))[2] == ()
+
+
+def test_a_petiole_makes_no_blade_narrow():
+    """However long it is: a blade three times as long as wide on a stalk as long."""
+    width = np.repeat([2.0, 20.0], 60)
+    sections = Sections(1.0, width, width, np.cumsum(width))
+    assert not sections.is_narrow_from(60.0)
+    assert Sections(1.0, width[60:] / 2, width[60:], np.cumsum(width[60:])).is_narrow_from(0.0)
 
 
 def finger(radius=1.0, length=30.0):
@@ -138,7 +169,7 @@ def finger(radius=1.0, length=30.0):
 
 def test_a_petiole_that_is_a_closed_tube_is_as_wide_as_it_looks():
     vertices = finger()[0]
-    kept, petiole = find_petiole(vertices)
+    kept, petiole, _ = find_petiole(vertices)
     assert petiole.width == pytest.approx(2, rel=0.15)
     assert petiole.length == pytest.approx(31, abs=3)
     assert vertices[kept][:, 2].min() > -2
@@ -158,9 +189,10 @@ TIPS = {
 @pytest.mark.parametrize("tip", TIPS)
 def test_a_tip_is_no_petiole(tip, noise):
     for flat in (triangulated(TIPS[tip], 1.2)[0], drawn(TIPS[tip], 1.0)):
-        kept, petiole = find_petiole(bent(flat, noise), noise)
+        kept, petiole, told = find_petiole(bent(flat, noise), noise)
         assert petiole is None
         assert kept.all()
+        assert bool(told) == (tip == "shred at the margin")
 
 
 def spindle(length, width):
@@ -191,8 +223,9 @@ LOBED = {
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("leaf", LOBED)
 def test_lobes_are_no_petiole(leaf, seed):
-    kept, petiole = find_petiole(bent(drawn(LOBED[leaf], 0.6, seed)))
+    kept, petiole, told = find_petiole(bent(drawn(LOBED[leaf], 0.6, seed)))
     assert petiole is None
+    assert told == ()
     assert kept.all()
 
 
@@ -223,7 +256,7 @@ def test_the_petiole_of_a_palmate_leaf_is_found_beside_its_lobes(length):
         - np.outer(down, ahead)
         + 1.3 * (np.outer(np.cos(turn), side) + np.outer(np.sin(turn), np.cross(ahead, side)))
     )
-    kept, petiole = find_petiole(np.concatenate([leaf, tube]))
+    kept, petiole, _ = find_petiole(np.concatenate([leaf, tube]))
     assert petiole.width == pytest.approx(2.6, rel=tol.JUNCTION_WIDTH)
     assert np.mean(kept[: len(leaf)]) > 0.99
     assert np.mean(kept[len(leaf) :]) < 0.05
@@ -243,7 +276,7 @@ def heart(gap, spacing=0.7, width=3.0, length=40.0, depth=14.0):
 @pytest.mark.parametrize("gap", [0.2, 4.0])
 def test_of_lobes_beside_a_petiole_nothing_is_cut_off(gap):
     leaf, tube = heart(gap)
-    kept, petiole = find_petiole(np.concatenate([leaf, tube]))
+    kept, petiole, _ = find_petiole(np.concatenate([leaf, tube]))
     assert petiole.width == pytest.approx(3.0, rel=tol.JUNCTION_WIDTH)
     assert np.mean(kept[: len(leaf)]) > 0.99
     # Where the lobes touch it, the petiole ends at them; where they do not, at the blade.
@@ -251,6 +284,6 @@ def test_of_lobes_beside_a_petiole_nothing_is_cut_off(gap):
 
 
 def test_few_points_have_no_petiole():
-    kept, petiole = find_petiole(drawn(stalked(), 10.0) @ np.eye(2, 3))
+    kept, petiole, _ = find_petiole(drawn(stalked(), 10.0) @ np.eye(2, 3))
     assert petiole is None
     assert kept.all()

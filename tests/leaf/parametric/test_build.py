@@ -109,8 +109,8 @@ def test_what_steps_from_a_leaf_to_the_ground_is_refused_with_its_place(monkeypa
     assert len(refusal.value.places)
 
 
-def test_a_leaf_scanned_with_its_table_is_refused_at_once_and_its_piece_is_the_leaf(monkeypatch):
-    """One spacing above it: more smoothing would not make one surface of both, and is not tried."""
+def test_a_leaf_scanned_with_ground_that_is_no_plane_is_refused_at_once_and_its_piece_is_the_leaf(monkeypatch):
+    """One spacing above it, at the middle: more smoothing would not make one surface of both, and is not tried."""
     step = 0.8
     leaf = o3l.samples.leaf_shape("eaten", length=40, width=16)
     points = o3l.samples.scan_leaf(leaf, seed=0, spacing=step).points
@@ -118,7 +118,7 @@ def test_a_leaf_scanned_with_its_table_is_refused_at_once_and_its_piece_is_the_l
     reach = np.abs(points[:, :2]).max(axis=0) * 2
     plane = np.random.default_rng(1).uniform(-reach, reach, (int(4 * reach.prod() / step**2), 2))
     seen = plane[cKDTree(points[:, :2]).query(plane)[0] > step]
-    scan = np.concatenate([points, np.column_stack([seen, np.zeros(len(seen))])])
+    scan = np.concatenate([points, np.column_stack([seen, -(seen[:, 0] ** 2) / 400])])
     settled = []
     settle = surface_fit._settle
     monkeypatch.setattr(surface_fit, "_settle", lambda *given: settled.append(given) or settle(*given))
@@ -168,6 +168,15 @@ def told_lengths(notes):
     """Return the lengths in words, in meters; areas are left out."""
     told = re.findall(r"([\d.,]*\d) (nm|µm|mm|cm|m)(?![²\w])", "; ".join(notes))
     return [float(number.replace(",", "")) * unit_scale(name, "m") for number, name in told]
+
+
+def test_what_may_be_a_petiole_is_a_line_of_the_read_out(monkeypatch):
+    points = np.random.default_rng(0).uniform(0, 20, (500, 3)) * [1, 1, 0]
+    monkeypatch.setattr(build, "find_petiole", lambda some, _: (np.ones(len(some), bool), None, ("a narrow part",)))
+    left, parted = build._part_petiole(points, BladeOptions())
+    assert left is points
+    assert parted.notes == ("a narrow part",)
+    assert parted.cut is None
 
 
 def test_a_petiole_that_was_cut_off_does_not_lie_beside_the_blade():

@@ -10,7 +10,7 @@ from o3dleaf.core.mesh_arrays import IntArray
 BINS = (24, 240)
 """Stations, least and most; ten a blade's width, as far as that goes."""
 NARROW_LEAF = 0.25
-"""Width of a narrow leaf over its length, its petiole's included, at most, as of grasses."""
+"""Width of a narrow blade over its length, at most, as of grasses."""
 KERNEL = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16
 """Over the stations: a section has the points of two or three."""
 
@@ -36,10 +36,9 @@ class Sections(NamedTuple):
     depth: FloatArray
     area: FloatArray
 
-    @property
-    def is_narrow(self) -> bool:
-        """Whether the leaf is narrow, so that it tapers over many widths of its tip."""
-        return self.widest < NARROW_LEAF * self.step * len(self.width)
+    def is_narrow_from(self, distance: float) -> bool:
+        """Return whether the leaf beyond a stalk is narrow, so that it tapers over many widths of its tip."""
+        return self.widest < NARROW_LEAF * (self.step * len(self.width) - distance)
 
     @property
     def widest(self) -> float:

@@ -32,15 +32,28 @@ sees of a tube up to 30° from grazing; 0.34 an arc of 150°, 0.44 half a tube, 
 
 
 class StalkStretch(NamedTuple):
-    """A stalk by its sections: where it begins and ends, in distance from the end of the leaf, and its width."""
+    """A stalk by its sections: where it begins and ends, in distance from the end of the leaf, and its width.
+
+    Sure is one that is so long, slender or curled that it is no shred of a margin.
+    """
 
     first: float
     last: float
     width: float
+    is_sure: bool = True
+
+    @property
+    def length(self) -> float:
+        """Of the stretch."""
+        return self.last - self.first
 
 
 def find_stretch(sections: Sections) -> StalkStretch | None:
-    """Return the outermost stretch of sections that is a stalk: from the end, or with no more than a stub outside."""
+    """Return the outermost stretch of sections that is a stalk: from the end, or with no more than a stub outside.
+
+    If none is sure it is the outermost that may be one.
+    """
+    unsure = None
     width, area, widest = sections.width, sections.area, sections.widest
     narrow = width <= NARROW * widest
     change = np.flatnonzero(np.diff(np.concatenate([[False], narrow, [False]])))
@@ -56,9 +69,13 @@ def find_stretch(sections: Sections) -> StalkStretch | None:
         slender = length >= (SLENDER_NECK if first else SLENDER) * usual
         deep = float(np.median(sections.depth[first : first + len(stretch)])) >= ROUND * usual
         may_be_short = deep or length >= SLENDER_FLAT * usual
-        if steady and slender and length >= (LONG_IF_ROUND if may_be_short else LONG) * widest:
-            return StalkStretch(first * sections.step, first * sections.step + length, usual)
-    return None
+        if not steady or not slender or length < LONG_IF_ROUND * widest:
+            continue
+        found = StalkStretch(first * sections.step, first * sections.step + length, usual, is_sure=True)
+        if may_be_short or length >= LONG * widest:
+            return found
+        unsure = unsure or found._replace(is_sure=False)
+    return unsure
 
 
 def _is_steady(width: FloatArray) -> bool:

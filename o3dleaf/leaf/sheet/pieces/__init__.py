@@ -1,6 +1,7 @@
 """What a sheet leaves out of its scan, and where it comes apart.
 
 `leftovers`       pieces, layers and branchings that a sheet leaves out
+`table`           a table or a wall, and what rises from it
 `necks`           parts of a sheet that hang together by little, as leaves that touch
 `resting`         leaves of which one lies on another
 `arms`            the four arms of leaves that cross, by the rim of both

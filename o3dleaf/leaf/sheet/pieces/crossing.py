@@ -74,7 +74,7 @@ def find_crossing(
     resting : LeafPair or None
         Kept where nothing joins its leaves.
     """
-    if resting is not None and resting.leaves and resting.length == 0:
+    if resting is not None and resting.parts and resting.length == 0:
         return resting
     arms = find_arms(vertices, triangles)
     if arms is None:

@@ -75,7 +75,7 @@ class Leftovers:
     ) -> "Leftovers":
         """Group the points that a sheet does not hold, and those of each of some `parts`, that hang together."""
         rest = np.setdiff1d(np.arange(len(scan)), held)
-        groups = _groups(scan, rest, LINK * spacing)
+        groups = groups_of(scan, rest, LINK * spacing)
         edges = EdgeTable.of(triangles)
         rim = cKDTree(vertices[np.unique(edges.ends[edges.count == 1])])
         distance, branch = [], []
@@ -87,13 +87,13 @@ class Leftovers:
             # What nowhere leaves the sheet lies over it, and meets it nowhere.
             meets = inner.min() <= TOUCHING * spacing and far.max() > NEAR * spacing and len(rows) >= FEWEST
             branch.append(feet[inner.argmin()] if meets else None)
-        together = tuple(group for part in parts for group in _groups(scan, part, LINK * spacing))
+        together = tuple(group for part in parts for group in groups_of(scan, part, LINK * spacing))
         return cls(scan, groups, tuple(distance), tuple(branch), held, spacing, together)
 
     @classmethod
     def apart(cls, scan: FloatArray, rows: IntArray, spacing: float) -> "Leftovers":
         """Group points of a scan that has no sheet: the largest group stands for it."""
-        largest, *groups = _groups(scan, rows, LINK * spacing)
+        largest, *groups = groups_of(scan, rows, LINK * spacing)
         return cls(scan, tuple(groups), (np.inf,) * len(groups), (None,) * len(groups), largest, spacing)
 
     def piece(self, number: int) -> IntArray:
@@ -129,7 +129,7 @@ class Leftovers:
     def off_sheet_of(self, number: int, held: IntArray) -> tuple[str, ...]:
         """Return a line if more of the N-th piece than stragglers is off the sheet of some rows (k,) that is its."""
         rows = self.pieces[number - 1]
-        groups = _groups(self.scan, np.setdiff1d(rows, held), LINK * self.spacing)
+        groups = groups_of(self.scan, np.setdiff1d(rows, held), LINK * self.spacing)
         groups = tuple(group for group in groups if len(group) >= FEWEST)
         if not groups:
             return ()
@@ -207,7 +207,7 @@ class Leftovers:
         return f"{points} at {tell_middle(self.scan[rows], self.scan)}"
 
 
-def _groups(scan: FloatArray, rows: IntArray, link: float) -> tuple[IntArray, ...]:
+def groups_of(scan: FloatArray, rows: IntArray, link: float) -> tuple[IntArray, ...]:
     """Return the rows, group by group, of points that hang together by steps of about `link`, the largest first.
 
     Of the points in a voxel of a quarter of it one stands for all.
