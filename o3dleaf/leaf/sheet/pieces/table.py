@@ -173,7 +173,10 @@ def _with_what_rises(scan: FloatArray, rows: IntArray, bed: _Bed, near: float, s
     groups = groups_of(scan, rows, LINK * spacing)
     main = max(groups, key=lambda group: int(on[group].sum()))
     own = main[on[main]]
-    hull = shapely.MultiPoint(place[own]).convex_hull.buffer(-CELL * spacing)
+    hull = shapely.MultiPoint(place[own]).convex_hull
+    # No more cells than points, about, where the table is much sparser than the leaf.
+    cell = max(CELL * spacing, float(np.sqrt(hull.area / len(own))))
+    hull = hull.buffer(-CELL * spacing)
     shapely.prepare(hull)
     over = shapely.contains_xy(hull, *place.T) & (np.abs(height) > 2 * near)
     side = np.sign(height[rows[over[rows]]].sum())
@@ -185,7 +188,7 @@ def _with_what_rises(scan: FloatArray, rows: IntArray, bed: _Bed, near: float, s
 
     def stands(group: IntArray) -> bool:
         foot = place[group[np.abs(height[group]) <= LINK * spacing]]
-        return up[group].sum() >= MIN_POINTS and _goes_around(place[own], foot, CELL * spacing)
+        return up[group].sum() >= MIN_POINTS and _goes_around(place[own], foot, cell)
 
     standing = [group for group in rising if stands(group)]
     if not apart and not standing:
