@@ -157,9 +157,9 @@ def _find_facing(
 ) -> Orientation:
     """Return normals that face the viewpoints (n, 3), in the directions given or else estimated."""
     if given is not None:
-        return face_given(cloud.points, check_normals(cloud, given, orient=False), viewpoint)
+        return face_given(cloud.points, check_normals(cloud, given, orient=False), viewpoint, cloud.neighbors.row)
     found = _find_anew(cloud, estimate, None)
-    return found._replace(normals=face_viewpoint(cloud.points, found.normals, viewpoint))
+    return found._replace(normals=face_viewpoint(cloud.points, found.normals, viewpoint, cloud.neighbors.row))
 
 
 def _find_anew(cloud: OrientedCloud, estimate: Estimate | None, orient: Orient | None) -> Orientation:
