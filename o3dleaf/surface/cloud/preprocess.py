@@ -61,7 +61,8 @@ def preprocess_point_cloud(
         tenth of them lie across the planes of a clean cloud, as one direction for all does, they are not used.
     viewpoint : (3,) or (n, 3) array_like, optional
         Where the cloud, or each point, was scanned from: all normals, given or estimated, are turned to it, and left
-        so. Nothing is oriented by `orient` then.
+        so; of points that were seen at less than 45° those of neighbors seen from the same place count too. Nothing is
+        oriented by `orient` then.
     voxel_size : float, optional
         Edge of the voxels whose points are averaged, those on the two sides of a sheet apart; without it none are.
     outliers : callable, optional
