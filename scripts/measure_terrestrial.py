@@ -1,17 +1,21 @@
 """Measure surfaces of scans from one place: density falls with the square of the distance, and what hides is missing.
 
     python scripts/measure_terrestrial.py [--step 0.8] [--noise 0.005] [--ground pit plain] [--spacing NUMBER ...]
+    python scripts/measure_terrestrial.py --ground --hills 1 2 3 --eye 1.2 1.8 4 --depth    # other grounds, and heights
 
 A scanner 1.8 m above undulating ground, a wall, a box, a trunk and a pole sends a ray every `step` degrees; what it
-meets between 2 and 60 m is known with noise along the ray. A pit rises to 14 m at 60 m, on a plain rays graze. For
-each surface, in rings by distance from the scanner: the mean distance of its area from the truth and the 95 % quantile,
-the mean in spacings (distance times step), the mean distance of held out hits, half a step beside the scan's, from the
-surface and the share of those nearer than two spacings; and triangles, processor time, rims, and handles.
+meets between 2 and 60 m is known with noise along the ray. A pit rises to 14 m at 60 m, on a plain rays graze; hills
+are four random waves. Printed is which share of the prepared cloud's normals face the wrong side and, for each surface,
+in rings by distance from the scanner: the mean distance of its area from the truth and the 95 % quantile, the mean in
+spacings (distance times step), the mean distance of held out hits, half a step beside the scan's, from the surface and
+the share of those nearer than two spacings; and triangles, processor time, rims, and handles.
 """
 
 import argparse
 import time
 import warnings
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import open3d as o3d
@@ -27,24 +31,50 @@ RINGS = (("near", 2.0, 6.0), ("middle", 6.0, 18.0), ("far", 18.0, 60.0))
 CELLS, HALF = 600, 75.0
 """Cells of the ground along either side, of 150 m."""
 SAMPLES, NEIGHBOURS = 300_000, 30
-HEIGHTS = {"pit": 0.004, "plain": 0.0}
 
 
-def heights(x, y, rise):
-    """Return the ground: waves of 9 to 60 m, and a pit."""
-    waves = 0.5 * np.sin(x / 6) * np.cos(y / 7) + 0.12 * np.sin(x / 1.5) * np.cos(y / 1.7)
-    return waves + rise * (x * x + y * y)
+class Ground(NamedTuple):
+    """A paraboloid that rises by so much times the square of the distance, and waves: height, and phase a m along x, y.
+
+    A wave is h sin(a x + c) cos(b y + d).
+    """
+
+    rise: float
+    waves: tuple[tuple[float, ...], ...]
+
+    def heights(self, x, y):
+        """Return the heights at places."""
+        total = self.rise * (x * x + y * y)
+        for height, a, b, c, d in self.waves:
+            total = total + height * np.sin(a * x + c) * np.cos(b * y + d)
+        return total
+
+
+WAVES = ((0.5, 1 / 6, 1 / 7, 0.0, 0.0), (0.12, 1 / 1.5, 1 / 1.7, 0.0, 0.0))
+"""Waves of 38 to 44 m and of 9 to 11 m."""
+GROUNDS = {"pit": Ground(0.004, WAVES), "plain": Ground(0.0, WAVES)}
+SLOPE = 0.2
+"""Steepest that a wave of a random ground may be."""
+
+
+def hills(seed):
+    """Return four random waves, of 6 to 60 m."""
+    rng = np.random.default_rng(seed)
+    waves = []
+    for length in np.exp(rng.uniform(np.log(6.0), np.log(60.0), 4)):
+        a, b = 2 * np.pi / length * rng.uniform(0.7, 1.4, 2)
+        waves.append((rng.uniform(0, SLOPE) / max(a, b), a, b, *rng.uniform(0, 2 * np.pi, 2)))
+    return Ground(0.0, tuple(waves))
 
 
 def truth(kind):
-    """Return the scene, as one mesh (vertices, triangles); the scanner is at (0, 0, EYE above the ground)."""
+    """Return the scene on a ground, as one mesh; the scanner stands at x = y = 0."""
     ticks = np.linspace(-HALF, HALF, CELLS + 1)
     x, y = np.meshgrid(ticks, ticks, indexing="ij")
-    rise = HEIGHTS[kind]
     corner = np.arange((CELLS + 1) ** 2).reshape(x.shape)
     a, b, c, d = corner[:-1, :-1].ravel(), corner[1:, :-1].ravel(), corner[1:, 1:].ravel(), corner[:-1, 1:].ravel()
     ground = o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(np.column_stack([x.ravel(), y.ravel(), heights(x, y, rise).ravel()])),
+        o3d.utility.Vector3dVector(np.column_stack([x.ravel(), y.ravel(), kind.heights(x, y).ravel()])),
         o3d.utility.Vector3iVector(np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])),
     )
     make = o3d.geometry.TriangleMesh
@@ -56,7 +86,7 @@ def truth(kind):
     ]
     for thing, (east, north), turn in things:
         thing.rotate(make.get_rotation_matrix_from_xyz([0, 0, turn]), center=[0, 0, 0])
-        ground += thing.translate([east, north, heights(east, north, rise)])
+        ground += thing.translate([east, north, kind.heights(east, north)])
     return ground
 
 
@@ -142,17 +172,26 @@ def show(name, mesh, seconds, scan):
     print(f"    all     accuracy {off.mean():.4f} (95 % {np.quantile(off, 0.95):.4f}), missed by {missed.mean():.4f}")
 
 
-def measure(kind, step, noise, spacings, depths):
-    """Print what comes of one scene."""
-    mesh = truth(kind)
+def wrong_sides(points, eye, scene):
+    """Return the share of the prepared cloud's normals that face away from where their surface was seen from."""
+    cloud = o3l.preprocess_point_cloud(points, viewpoint=eye)
+    found = scene.compute_closest_points(o3d.core.Tensor(cloud.points.astype(np.float32)))
+    own = found["primitive_normals"].numpy()
+    facing = np.einsum("ij,ij->i", own, cloud.normals) * np.einsum("ij,ij->i", own, eye - cloud.points)
+    return (facing < 0).mean()
+
+
+def measure(title, ground, height, options):
+    """Print what comes of one scene, scanned from a height above its ground."""
+    mesh, step, noise = truth(ground), options.step, options.noise
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(o3d.t.geometry.TriangleMesh.from_legacy(mesh))
-    eye = np.array([0.0, 0.0, heights(0.0, 0.0, 0.0) + EYE])
+    eye = np.array([0.0, 0.0, ground.heights(0.0, 0.0) + height])
     points, held_out = cast(scene, eye, rays(step), noise), cast(scene, eye, rays(step, 0.5))
-    print(f"{kind}: {len(points):,} points")
+    print(f"{title}: {len(points):,} points, {wrong_sides(points, eye, scene):.2%} of normals on the wrong side")
     jobs = [("ours", lambda: ours(points, eye))]
-    jobs += [(f"ours, spacing {each:g}", lambda each=each: ours(points, eye, each)) for each in spacings]
-    jobs += [(f"Poisson, depth {each}", lambda each=each: poisson(points, eye, each)) for each in depths]
+    jobs += [(f"ours, spacing {each:g}", lambda each=each: ours(points, eye, each)) for each in options.spacing]
+    jobs += [(f"Poisson, depth {each}", lambda each=each: poisson(points, eye, each)) for each in options.depth]
     for name, job in jobs:
         start = time.process_time()
         made = job()
@@ -162,14 +201,17 @@ def measure(kind, step, noise, spacings, depths):
 def main():
     """Measure every scene."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--ground", nargs="+", choices=HEIGHTS, default=[*HEIGHTS])
+    parser.add_argument("--ground", nargs="*", choices=GROUNDS, default=[*GROUNDS])
+    parser.add_argument("--hills", type=int, nargs="*", default=[], help="seeds of random grounds")
+    parser.add_argument("--eye", type=float, nargs="+", default=[EYE], help="heights of the scanner in m")
     parser.add_argument("--step", type=float, default=0.8, help="degrees between rays")
     parser.add_argument("--noise", type=float, default=0.005, help="standard deviation along the ray in m")
     parser.add_argument("--spacing", type=float, nargs="*", default=[], help="of one lattice in m, beside the own")
     parser.add_argument("--depth", type=int, nargs="*", default=[9, 10], help="of Poisson's octree")
     arguments = parser.parse_args()
-    for kind in arguments.ground:
-        measure(kind, arguments.step, arguments.noise, arguments.spacing, arguments.depth)
+    grounds = {name: GROUNDS[name] for name in arguments.ground} | {f"hills {n}": hills(n) for n in arguments.hills}
+    for (name, ground), eye in product(grounds.items(), arguments.eye):
+        measure(f"{name}, scanned from {eye:g} m", ground, eye, arguments)
 
 
 if __name__ == "__main__":

@@ -51,3 +51,28 @@ def pipe(count, spacings=1.5, seed=0):
     normals = facing[:, np.newaxis] * outward
     normals[part == 2, 2] = end[part == 2]
     return radius[:, np.newaxis] * outward + np.outer(height, [0, 0, 1]), normals
+
+
+def ground(x, y):
+    """Return heights of waves 9 to 44 long, and their slopes along x and y."""
+    height = 0.5 * np.sin(x / 6) * np.cos(y / 7) + 0.12 * np.sin(x / 1.5) * np.cos(y / 1.7)
+    along_x = 0.5 / 6 * np.cos(x / 6) * np.cos(y / 7) + 0.12 / 1.5 * np.cos(x / 1.5) * np.cos(y / 1.7)
+    along_y = -0.5 / 7 * np.sin(x / 6) * np.sin(y / 7) - 0.12 / 1.7 * np.sin(x / 1.5) * np.sin(y / 1.7)
+    return height, along_x, along_y
+
+
+def scanned_ground(step=2.0, eye=1.6):
+    """Return what a scanner above waves sees, a ray every so many degrees, the upward normals, and where it stands."""
+    azimuth, elevation = np.radians(np.arange(0, 360, step)), np.radians(np.arange(-40, 2, step))
+    a, e = (each.ravel() for each in np.meshgrid(azimuth, elevation, indexing="ij"))
+    rays = np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    place, reach = np.array([0.0, 0.0, eye]), np.geomspace(2.0, 60.0, 500)
+    along = place + reach[:, np.newaxis, np.newaxis] * rays
+    above = along[..., 2] - ground(along[..., 0], along[..., 1])[0]
+    first = (above <= 0).argmax(axis=0)
+    hit = np.flatnonzero(first)
+    before, behind = above[first[hit] - 1, hit], above[first[hit], hit]
+    length = reach[first[hit] - 1] + before / (before - behind) * (reach[first[hit]] - reach[first[hit] - 1])
+    points = place + length[:, np.newaxis] * rays[hit]
+    normals = np.column_stack([*(-slope for slope in ground(points[:, 0], points[:, 1])[1:]), np.ones(len(points))])
+    return points, normals / np.linalg.norm(normals, axis=1)[:, np.newaxis], place

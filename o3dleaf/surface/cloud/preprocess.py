@@ -61,7 +61,8 @@ def preprocess_point_cloud(
         tenth of them lie across the planes of a clean cloud, as one direction for all does, they are not used.
     viewpoint : (3,) or (n, 3) array_like, optional
         Where the cloud, or each point, was scanned from: all normals, given or estimated, are turned to it, and left
-        so. Nothing is oriented by `orient` then.
+        so; of points that were seen at less than 45° those of neighbors seen from the same place count too. Nothing is
+        oriented by `orient` then.
     voxel_size : float, optional
         Edge of the voxels whose points are averaged, those on the two sides of a sheet apart; without it none are.
     outliers : callable, optional
@@ -157,9 +158,9 @@ def _find_facing(
 ) -> Orientation:
     """Return normals that face the viewpoints (n, 3), in the directions given or else estimated."""
     if given is not None:
-        return face_given(cloud.points, check_normals(cloud, given, orient=False), viewpoint)
+        return face_given(cloud.points, check_normals(cloud, given, orient=False), viewpoint, cloud.neighbors.row)
     found = _find_anew(cloud, estimate, None)
-    return found._replace(normals=face_viewpoint(cloud.points, found.normals, viewpoint))
+    return found._replace(normals=face_viewpoint(cloud.points, found.normals, viewpoint, cloud.neighbors.row))
 
 
 def _find_anew(cloud: OrientedCloud, estimate: Estimate | None, orient: Orient | None) -> Orientation:

@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
-from cloud_shapes import block, sphere
+from cloud_shapes import block, scanned_ground, sphere
 from o3dleaf import OrientedCloud, create_from_point_cloud_rbfpu, preprocess_point_cloud
 from o3dleaf.core.errors import InputError
+from o3dleaf.surface.cloud.orientation.orientation import estimate_normals
+from o3dleaf.surface.cloud.orientation.viewpoint import face_viewpoint
+from o3dleaf.surface.cloud.orientation.viewpoint_loops import weigh_sides
+from tolerances import SETTLED_SIDES
 
 
 def room(count, seed=0):
@@ -41,6 +45,51 @@ def test_given_normals_are_turned_to_it_and_counted():
     cloud = preprocess_point_cloud(points, normals=sign[:, np.newaxis] * inward, viewpoint=[0, 0, 0], outliers=None)
     assert cloud.normals == pytest.approx(inward)
     assert cloud.notes[0].startswith(f"{int(np.sum(sign < 0)):,} of {len(points):,} normals faced away")
+
+
+@pytest.mark.parametrize("step", [1.2, 2.0])
+def test_ground_seen_at_grazing_angles_faces_up_where_single_sights_are_chance(step):
+    """Rays meet far waves at a few degrees, and planes through points so far apart are off by more."""
+    points, upward, eye = scanned_ground(step)
+    cloud = OrientedCloud.of(points)
+    planes = estimate_normals(cloud)
+    alone = np.sign(np.einsum("ij,ij->i", planes, eye - points))[:, np.newaxis] * planes
+    assert np.sum(np.einsum("ij,ij->i", alone, upward) < 0) > 0.01 * len(points)
+    found = face_viewpoint(points, planes, np.broadcast_to(eye, points.shape), cloud.neighbors.row)
+    assert (np.einsum("ij,ij->i", found, upward) > 0).all()
+
+
+@pytest.mark.parametrize("elevation", [5.0, 20.0, 50.0])
+def test_no_side_of_a_thin_sheet_follows_the_other_that_was_seen_from_elsewhere(elevation):
+    """A fifth of a spacing thick, so that half of the neighbors are of the other side and seem to lie beside."""
+    rng = np.random.default_rng(3)
+    places, side = rng.uniform(size=(3000, 2)), rng.choice([-1.0, 1.0], 3000)
+    points = np.column_stack([places, 0.1 * side / np.sqrt(1500)])
+    normals = np.outer(side, [0.0, 0.0, 1.0])
+    turn, rise = np.radians([rng.choice(6, 3000) * 60.0, np.full(3000, elevation)])
+    seen_from = 50 * np.column_stack([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise), side * np.sin(rise)])
+    chance = rng.choice([-1.0, 1.0], 3000)[:, np.newaxis]
+    found = face_viewpoint(points, chance * normals, seen_from, OrientedCloud.of(points).neighbors.row)
+    assert (found == normals).all()
+
+
+def test_sides_are_weighed_to_the_solution_of_the_linear_system():
+    """Each is the mean of its neighbors' sides, turned by their agreement, and of its own.
+
+    Density differs much: sparse points have dense ones for neighbors, which have nearer ones.
+    """
+    rng = np.random.default_rng(4)
+    rows = OrientedCloud.of(rng.uniform(size=(400, 3)) ** 4).neighbors.row
+    some = np.flatnonzero(rng.uniform(size=400) < 0.7)
+    agreement = rng.uniform(-1, 1, (len(some), rows.shape[1] - 1)).astype(np.float32)
+    steepness, facing = rng.uniform(0, 0.1, len(some)), np.ones(400)
+    matrix, right = np.eye(400), np.ones(400)
+    right[some] = steepness
+    for row, weights, own in zip(some, agreement.astype(float), steepness, strict=True):
+        matrix[row, row] = 1 + own
+        matrix[row, rows[row, 1:]] -= weights / np.abs(weights).sum()
+    assert weigh_sides(rows, some, agreement, steepness, SETTLED_SIDES, 10_000, facing) < 10_000
+    assert np.abs(facing - np.linalg.solve(matrix, right)).max() < 10 * SETTLED_SIDES
 
 
 def test_normals_into_a_room_are_kept_and_into_a_closed_surface_are_turned():

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
+from cloud_shapes import scanned_ground
 from o3dleaf import create_from_point_cloud_rbfpu, mesh_report, samples
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -83,3 +84,15 @@ def test_terrain_with_a_dense_patch_has_one_rim_and_faces_up():
     inside = np.abs(corners[:, 0, :2]).max(axis=1) < 0.1
     outside = np.abs(corners[:, 0, :2]).max(axis=1) > 0.5
     assert length[outside].mean() > 4 * length[inside].mean()
+
+
+def test_ground_scanned_from_one_place_has_no_handle_and_no_patch_that_faces_down():
+    """Far waves are seen at a few degrees; normals that each point turned by itself made two handles, and 600 triangles
+    that faced down."""
+    points, _, eye = scanned_ground()
+    mesh, _ = create_from_point_cloud_rbfpu(points, viewpoint=eye, measure=None)
+    vertices, triangles = mesh_arrays(mesh)
+    report, corners = mesh_report(mesh), vertices[triangles]
+    assert is_uneven(OrientedCloud.of(points).point_spacing)
+    assert (report.components, report.genus) == (1, 0)
+    assert np.all(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] > 0)
