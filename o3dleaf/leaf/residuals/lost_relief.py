@@ -104,18 +104,15 @@ def find_lost_relief(plane: FloatArray, feet: FloatArray, distance: FloatArray, 
     if _bound(lost) > 0:
         lost = max((_missing(pairs, 0.0, lag, group) for lag in LAGS), key=_bound)
     longer = float(np.sqrt(1 + 2 * max(lost.share, 0.0)))
-    return LostRelief(
-        lost.share if longer == 1 else longer - 1,
-        lost.deviation / longer,
-        find_places(feet, _most(lost, group), spacing),
-    )
+    found = LostRelief(longer - 1 if lost.share > 0 else lost.share, lost.deviation / longer, ())
+    return found._replace(places=find_places(feet, _most(lost, group), spacing)) if found.told else found
 
 
 def tell_lost_relief(lost: LostRelief, area: str) -> str:
     """Return the line that says how much is lacking, given in words as well, and where."""
     where = f"most on {tell_places(lost.places)}" if len(lost.places) > 1 else tell_places(lost.places)
     return (
-        f"the blade lacks {100 * lost.share:.2g} % of its area or more, {area}, "
+        f"the blade lacks about {100 * lost.share:.2g} % of its area, {area}, or more, "
         f"{where if lost.places else 'all over it'}: relief too fine for it to follow, as of veins and ruffles, or "
         "noise that neighbors have in common"
     )

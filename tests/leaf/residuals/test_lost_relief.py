@@ -1,6 +1,7 @@
 """Area that a blade lacks as it smooths relief away: never more than there is, and nothing where there is only noise."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import shapely
 from blade_fields import KnownOutline, RolledBlade
 from o3dleaf.leaf.fit_quality import FitQuality
 from o3dleaf.leaf.residuals.lost_relief import MIN_POINTS, find_lost_relief
-from tolerances import LOST_IN_ANY_CHART, LOST_TO_SHORT_LAGS
+from tolerances import LOST_IN_ANY_CHART, LOST_ON_A_BEND, LOST_TO_SHORT_LAGS
 
 SIDE = 60.0
 """Of a square, in spacings."""
@@ -50,6 +51,14 @@ def test_what_is_missing_is_the_area_of_the_scan_less_that_of_the_blade(held, si
     assert LOST_TO_SHORT_LAGS * truth - 3 * found.deviation <= found.share <= truth + 3 * found.deviation + 1e-12
     assert found.told == (held < 1)
     assert found.deviation < 0.015
+
+
+def test_of_steep_waves_no_more_is_missing_than_there_is():
+    """The mean of √(1 + |∇z|²) is less than 1 + ½ |∇z|²."""
+    plane = square()
+    steepest = 1.2 * LONG
+    truth = np.sqrt(1 + (steepest * np.cos(np.linspace(0, 2 * np.pi, 721)[1:])) ** 2).mean() - 1
+    assert LOST_TO_SHORT_LAGS * truth < lost(plane, np.zeros(len(plane)), waves(plane, 1.2)).share < truth
 
 
 @pytest.mark.parametrize("size", [0.2, 0.5])
@@ -106,7 +115,10 @@ def test_a_bent_blade_lacks_what_a_flat_one_does_and_shows_where():
     read = json.loads(json.dumps(quality.to_dict()))["relief"]
     assert read["lost"] == pytest.approx(read["share"] * quality.area[0], rel=1e-12)
     assert f"{read['lost']:.2g} mm²" in line
-    assert not any("lacks" in line for line in FitQuality.of(blade, points).warnings)
+    smooth, flat = (FitQuality.of(each, each.scan(0.6, 0.1)[0]) for each in (blade, replace(blade, radius=1e6)))
+    assert not any("lacks" in line for line in smooth.warnings)
+    assert smooth.lost.deviation < LOST_ON_A_BEND * flat.lost.deviation
+    assert smooth.lost.places == flat.lost.places == ()
 
 
 def test_few_points_tell_nothing():
