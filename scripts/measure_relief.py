@@ -1,7 +1,7 @@
 """Blades of leaves with veins, ruffles and blisters: the area that they lack, and what is told of it.
 
 python scripts/measure_relief.py [--only NAME ...] [--noise SPACINGS ...] [--seeds N] [--held-out]
-    [--real SCAN UNIT ...]
+    [--samples CONDITION ...] [--real SCAN UNIT ...]
 
 Heights stand along the normal of a leaf that curls up by 40°: veins with a Gaussian profile of a width at half height,
 side veins 7 mm apart; waves that grow to the margin with the cube of the distance from the midrib; waves both ways.
@@ -13,8 +13,10 @@ import time
 
 import numpy as np
 import shapely
+from leaf_cases import CONDITIONS, KINDS, cases
 
 import o3dleaf as o3l
+from o3dleaf.core.errors import ReconstructionError
 
 SIDE = np.radians(50.0)
 CELLS = 400_000
@@ -51,14 +53,26 @@ def main():
     parser.add_argument("--noise", type=float, nargs="+", default=[0.0, 0.2, 0.5], help="in spacings")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--held-out", action="store_true", help="other leaves and seeds, to be run once, at the end")
+    parser.add_argument(
+        "--samples", nargs="+", default=[], choices=CONDITIONS, help="smooth leaves so scanned, instead"
+    )
     parser.add_argument("--real", nargs="+", default=[], help="scans, each with its unit, instead")
     args = parser.parse_args()
     row("leaf", "noise", "points", "area", "lacks", "deviation", "told", "read-out")
     for path, unit in zip(args.real[::2], args.real[1::2], strict=True):
         show(path.split("/")[-1], "-", o3l.read_point_cloud(path), unit)
-    family = HELD_OUT if args.held_out else FAMILY
     words = tuple(args.only or [""])
-    for name, relief in family.items() if not args.real else ():
+    for case in cases([kind for kind in KINDS if kind.startswith(words)], args.samples, 1):
+        sample = case.scan()
+        show(
+            f"{case.name}, {case.condition}",
+            f"{sample.noise / sample.spacing:g}",
+            sample.points,
+            "mm",
+            (sample.truth, ()),
+        )
+    family = HELD_OUT if args.held_out else FAMILY
+    for name, relief in family.items() if not (args.real or args.samples) else ():
         for noise in args.noise if name.startswith(words) else ():
             for seed in range(args.seeds):
                 leaf, points = scan(relief, noise, seed, held_out=args.held_out)
@@ -71,7 +85,11 @@ def row(name, *cells):
 
 def show(name, noise, points, unit, leaf=None):
     """Print the row of a scan; of a leaf (shape, relief) with the error of its area."""
-    blade = o3l.create_blade(points, unit=unit)
+    try:
+        blade = o3l.create_blade(points, unit=unit)
+    except ReconstructionError:
+        row(name, noise, "refused")
+        return
     start = time.process_time()
     quality = o3l.FitQuality.of(blade, points)
     seconds = time.process_time() - start

@@ -189,7 +189,7 @@ def _missing(pairs: _Pairs, least: float, most: float, group: IntArray) -> _Miss
     product = pairs.product[near]
     left = product - terms @ (inverse @ (terms.T @ (weight * product)))
     by_group = np.bincount(group[pairs.first[near]], trace * left)
-    adds = np.bincount(pairs.first[near], trace * product, len(group))
+    adds: FloatArray = np.bincount(pairs.first[near], trace * product, len(group)).astype(np.float64)
     return _Missing(float(adds.sum()), float(np.linalg.norm(by_group)), adds)
 
 

@@ -1,4 +1,4 @@
-"""Area that a blade lacks as it smooths relief away: never more than there is, and nothing where there is only noise."""
+"""Area that a blade lacks as it smooths relief away: never more than there is, and nothing where all is noise."""
 
 import json
 from dataclasses import replace
