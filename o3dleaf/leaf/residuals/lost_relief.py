@@ -24,6 +24,8 @@ MAX_LOST = 0.01
 """Share of the area above which it is told: to what a blade's area is asked to be right."""
 MOST = 1.5
 """Times the mean share that is lacking where most of it is lost."""
+DENSEST = 1e-3
+"""Spacings that points lie apart, at least, where many have one place of the chart."""
 RIDGE = 1e-9
 """Of windows whose points lie on a line, in squares of their sizes."""
 GROUPS = (4, 64)
@@ -98,7 +100,7 @@ def find_lost_relief(plane: FloatArray, feet: FloatArray, distance: FloatArray, 
     """
     if len(plane) < MIN_POINTS:
         return LostRelief(0.0, 1.0, ())
-    pairs = _pair(plane, feet, distance)
+    pairs = _pair(plane, feet, distance, DENSEST * spacing)
     group = _squares(plane)
     lost = _missing(pairs, APART, max(LAGS), group)
     if _bound(lost) > 0:
@@ -118,16 +120,15 @@ def tell_lost_relief(lost: LostRelief, area: str) -> str:
     )
 
 
-def _pair(plane: FloatArray, feet: FloatArray, distance: FloatArray) -> _Pairs:
-    """Return the pairs of points up to the longest lag, in spacings around the first."""
+def _pair(plane: FloatArray, feet: FloatArray, distance: FloatArray, least: float) -> _Pairs:
+    """Return the pairs of points up to the longest lag, in spacings around the first, no less than `least`."""
     rows = np.arange(0, len(plane), -(-len(plane) // MAX_POINTS))
     tree, parts = cKDTree(plane), []
     for some in np.array_split(rows, -(-len(rows) // BATCH)):
-        away, near = query(tree, plane[some], k=[*range(1, WINDOW + 1)])
+        near = query(tree, plane[some], k=[*range(1, WINDOW + 1)])[1]
         beside, height = _over_quadric(plane[near] - plane[some][:, np.newaxis], feet[near] - feet[some][:, np.newaxis])
-        # Of what is nowhere a point stands for a disc's share; beside a margin for up to twice that.
-        scale = np.abs(beside).max(axis=(1, 2)) / np.maximum(away[:, -1], 1e-300)
-        spacing = np.maximum(np.sqrt(np.pi / WINDOW) * away[:, -1] * scale, 1e-300)
+        # A window is a disc as wide as its largest coordinate, nearly; beside a margin half of one.
+        spacing = np.maximum(np.sqrt(np.pi / WINDOW) * np.abs(beside).max(axis=(1, 2)), least)
         h, lag = distance[near] / spacing[:, np.newaxis], beside / spacing[:, np.newaxis, np.newaxis]
         height /= spacing[:, np.newaxis]
         product = h[:, :1] * (h + height) + height[:, :1] * h
