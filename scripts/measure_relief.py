@@ -1,7 +1,7 @@
 """Blades of leaves with veins, ruffles and blisters: the area that they lack, and what is told of it.
 
 python scripts/measure_relief.py [--only NAME ...] [--noise SPACINGS ...] [--seeds N] [--held-out]
-    [--samples CONDITION ...] [--real SCAN UNIT ...]
+    [--samples CONDITION ...] [--real SCAN UNIT ...] [--bandwidth SPACINGS]
 
 Heights stand along the normal of a leaf that curls up by 40°: veins with a Gaussian profile of a width at half height,
 side veins 7 mm apart; waves that grow to the margin with the cube of the distance from the midrib; waves both ways.
@@ -17,6 +17,7 @@ from leaf_cases import CONDITIONS, KINDS, cases
 
 import o3dleaf as o3l
 from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.fitting.rbf.kernels import as_kernel
 
 SIDE = np.radians(50.0)
 CELLS = 400_000
@@ -57,6 +58,7 @@ def main():
         "--samples", nargs="+", default=[], choices=CONDITIONS, help="smooth leaves so scanned, instead"
     )
     parser.add_argument("--real", nargs="+", default=[], help="scans, each with its unit, instead")
+    parser.add_argument("--bandwidth", type=float, help="of the smoothing, in spacings, instead of the one chosen")
     args = parser.parse_args()
     row("leaf", "noise", "points", "area", "lacks", "deviation", "told", "read-out")
     for path, unit in zip(args.real[::2], args.real[1::2], strict=True):
@@ -76,17 +78,21 @@ def main():
         for noise in args.noise if name.startswith(words) else ():
             for seed in range(args.seeds):
                 leaf, points = scan(relief, noise, seed, held_out=args.held_out)
-                show(name, f"{noise:g}", points, "mm", leaf)
+                show(name, f"{noise:g}", points, "mm", leaf, args.bandwidth)
 
 
 def row(name, *cells):
     print(f"{name:<30}" + "".join(f"{cell:>11}" for cell in cells), flush=True)
 
 
-def show(name, noise, points, unit, leaf=None):
+def show(name, noise, points, unit, leaf=None, bandwidth=None):
     """Print the row of a scan; of a leaf (shape, relief) with the error of its area."""
+    smoothing = "robust"
+    if bandwidth is not None:
+        spacing = np.sqrt(area_of(*leaf) / len(points))
+        smoothing = as_kernel("cubic", 2).smoothing_for(bandwidth * spacing, 1 / spacing**2)
     try:
-        blade = o3l.create_blade(points, unit=unit)
+        blade = o3l.create_blade(points, unit=unit, options=o3l.BladeOptions(smoothing=smoothing))
     except ReconstructionError:
         row(name, noise, "refused")
         return

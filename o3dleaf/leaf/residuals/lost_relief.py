@@ -78,7 +78,7 @@ def find_lost_relief(plane: FloatArray, feet: FloatArray, distance: FloatArray, 
     .. math:: \operatorname{E}[z z' - S S'] = \operatorname{E}[h h' + h S' + S h'] = C_0 - \tfrac12 r^T G r + O(r^4)
 
     and tr G / 2 is the share M that is lacking, of steep relief √(1 + 2 M) − 1, as of one slope. Noise of single points
-    has no covariance at r > 0, and what of it the blade follows counts as area too much. As
+    has no covariance at r > 0, whether the blade follows it or not. As
     :math:`J_0(k r) - J_0(k t) ≤ k^2 (t^2 - r^2) / 4`, waves as short as the lags count for less than they have: the
     share is a lower bound, and of `LAGS` the one whose bound is highest is taken, if without pairs nearer than `APART`
     area is missing as well.
