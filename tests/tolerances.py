@@ -845,6 +845,17 @@ SHARED_OF_WAVES = 0.35
 """What neighbors share of waves four spacings long: found 0.1 to 0.31 less than their root mean square, as neighbors
 lie a third of a spacing apart and points of much noise are far; without waves all of it is missing."""
 
+LOST_TO_SHORT_LAGS = 0.6
+"""Least share of a missing area that is found of waves of six spacings: of single pairs 1 − (k r)² / 16 of it, three
+quarters up to the longest lag, and some of what a quadric takes of the blade."""
+
+LOST_ON_A_BEND = 1.5
+"""A missing area's deviation on a sheet rolled up to the radius of 13 spacings, over that on a flat one: found 1.02, of
+heights over planes 2.8."""
+
+LOST_IN_ANY_CHART = 0.1
+"""A missing area by windows of nearest points in a chart that is sheared or scaled by a tenth: other points."""
+
 
 SHARE_OF_A_SAMPLE = 0.04
 """Of points known by their places: those within the noise of a limit may fall on either side; found 0.02."""

@@ -17,6 +17,7 @@ from o3dleaf.leaf.blade.distortion import range_of
 from o3dleaf.leaf.blade.outline_area import places_inside
 from o3dleaf.leaf.residuals.bent_margin import BentMargin, find_bent_margin
 from o3dleaf.leaf.residuals.known_area import area_deviation
+from o3dleaf.leaf.residuals.lost_relief import LostRelief, find_lost_relief, tell_lost_relief
 from o3dleaf.leaf.residuals.noise import local_noise, shared_residual
 from o3dleaf.leaf.residuals.off_blade import find_feet, find_outside, measure_spacing, points_on, rows_of_piece
 from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
@@ -86,6 +87,8 @@ class FitQuality:
         Of the blade in the world and in its plane, in `unit` squared.
     area_deviation : float
         Standard deviation of the first by the chance of a random scan (`residuals/known_area`), in `unit` squared.
+    lost : LostRelief
+        What of the first is lacking as relief was smoothed away: its share, the share's deviation, and its places.
     along, across, stretch : (2,) tuples of float
         Length in the world of a unit length of the plane along the midrib, across it, and in its worst and best
         direction: 1 % of the area has less, and 1 % more.
@@ -117,6 +120,7 @@ class FitQuality:
     gap_places: tuple[Place, ...]
     area: tuple[float, float]
     area_deviation: float
+    lost: LostRelief
     along: tuple[float, float]
     across: tuple[float, float]
     stretch: tuple[float, float]
@@ -161,6 +165,7 @@ class FitQuality:
         on_it = once[~(is_outside | is_cut)[once]]
         held = on_it[~is_far[on_it]]
         kept = np.abs(distance[on_it if len(on_it) else once])
+        near = on_it[np.abs(distance[on_it]) <= max(limit, spacing)]
         return cls(
             plane=plane,
             rows=rows,
@@ -183,6 +188,7 @@ class FitQuality:
             gap_places=find_places(world, in_gap, max(spacing, step)),
             area=(float(blade.outline.area * distortion.area.mean()), float(blade.outline.area)),
             area_deviation=area_deviation(blade, spacing, noise),
+            lost=find_lost_relief(plane[near], feet[near], distance[near], spacing),
             along=range_of(distortion.along),
             across=range_of(distortion.across),
             stretch=stretch,
@@ -219,6 +225,8 @@ class FitQuality:
                 f"neighbors lie off the blade alike, by {self._length(self.shared)} (root mean square): waves that are "
                 "too short for the blade to follow, whose area it lacks, or noise that points have in common"
             )
+        if self.lost.told:
+            lines.append(tell_lost_relief(self.lost, self._area(self.lost.share * self.area[0])))
         if self.outside > MAX_OUTSIDE:
             lines.append(
                 f"{_percent(self.outside)} of the points lie beside the blade, outside its margin, "
@@ -273,12 +281,21 @@ class FitQuality:
             "bent": {"margin": self.bent.length, "area": self.bent.area, "places": _listed(self.bent.places)},
             "holes": list(self.holes),
             "area": {"blade": self.area[0], "chart": self.area[1], "deviation": self.area_deviation},
+            "relief": {
+                "lost": self.lost.share * self.area[0],
+                "deviation": self.lost.deviation * self.area[0],
+                "share": self.lost.share,
+                "places": _listed(self.lost.places),
+            },
             "stretch": {"along": list(self.along), "across": list(self.across), "any": list(self.stretch)},
             "warnings": self.warnings,
         }
 
     def _length(self, length: float) -> str:
         return measure_in_words(length, self.unit, digits=2)
+
+    def _area(self, area: float) -> str:
+        return measure_in_words(area, self.unit, power=2, digits=2)
 
 
 def _cut_off(blade: Blade, points: FloatArray) -> BoolArray:

@@ -5,4 +5,5 @@
 `off_blade`   feet of points on a blade, those outside its margin, and their spacing
 `bent_margin` strips along the margin that bend off the blade
 `known_area`  how well the area of a blade is known from a random scan of it
+`lost_relief` the area that a blade lacks as it smooths relief away
 """

@@ -1,0 +1,202 @@
+"""Relief that a blade is too smooth for, veins and ruffles, and the area that it lacks by that."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.trees import query
+from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
+
+WINDOW = 64
+"""Points around one over which the blade's own relief stands out of a quadric, 4.5 spacings to each side: about what a
+fit smooths over, and little enough for the bends of a leaf."""
+LAGS = (1.25, 1.5, 2.0)
+"""Spacings up to which points are paired: short lags see narrow relief, long ones, which have more pairs, weak one."""
+APART = 0.75
+"""Spacings beyond which relief shows as well: what only nearest neighbors share, as along one line of a scanner that
+crosses others, or in voxels, is noise."""
+BEYOND_CHANCE = 3.0
+"""Deviations by which an area must be missing: of smooth leaves one in 740 seems to lack that by chance."""
+MAX_LOST = 0.01
+"""Share of the area above which it is told: to what a blade's area is asked to be right."""
+MOST = 1.5
+"""Times the mean share that is lacking where most of it is lost."""
+DENSEST = 1e-3
+"""Spacings that points lie apart, at least, where many have one place of the chart."""
+RIDGE = 1e-9
+"""Of windows whose points lie on a line, in squares of their sizes."""
+GROUPS = (4, 64)
+"""Squares of the chart, at least and at most, that are taken to err independently."""
+OF_GROUP = 32
+"""Points of a square, at least: it is then nearly three times as wide as the longest lag."""
+MIN_POINTS = 256
+"""Points of which four windows may be made, at least: fewer tell nothing."""
+MAX_POINTS = 20_000
+"""Points that are paired with those around them; of more, as many, evenly."""
+BATCH = 2_000
+
+
+class LostRelief(NamedTuple):
+    """Area that a blade lacks as it smooths relief away: its share of the blade's, the share's deviation, places."""
+
+    share: float
+    deviation: float
+    places: tuple[Place, ...]
+
+    @property
+    def told(self) -> bool:
+        """Whether it is more than chance and more than a hundredth."""
+        return self.share > max(MAX_LOST, BEYOND_CHANCE * self.deviation)
+
+
+class _Pairs(NamedTuple):
+    """Pairs of points: rows of the first (m,), lags (m, 2), products of heights (m,) in its spacing, weights (m,)."""
+
+    first: IntArray
+    lag: FloatArray
+    product: FloatArray
+    weight: FloatArray
+
+
+class _Missing(NamedTuple):
+    """A share M, its deviation, and what each point adds to it (n,)."""
+
+    share: float
+    deviation: float
+    adds: FloatArray
+
+
+def find_lost_relief(plane: FloatArray, feet: FloatArray, distance: FloatArray, spacing: float) -> LostRelief:
+    r"""Return the area that the relief of a scan has more than its blade's.
+
+    Of heights z over the plane the area is :math:`\tfrac12 \operatorname{E}|∇z|^2` more than flat. With
+    :math:`z = S + h`, S the blade and h the residuals, the covariances at a lag r fall as
+
+    .. math:: \operatorname{E}[z z' - S S'] = \operatorname{E}[h h' + h S' + S h'] = C_0 - \tfrac12 r^T G r + O(r^4)
+
+    and tr G / 2 is the share M that is lacking, of steep relief √(1 + 2 M) − 1, as of one slope. Noise of single points
+    has no covariance at r > 0, whether the blade follows it or not. As
+    :math:`J_0(k r) - J_0(k t) ≤ k^2 (t^2 - r^2) / 4`, waves as short as the lags count for less than they have: the
+    share is a lower bound, and of `LAGS` the one whose bound is highest is taken, if without pairs nearer than `APART`
+    area is missing as well.
+
+    Parameters
+    ----------
+    plane : (n, 2) ndarray
+        (along, across) of the points.
+    feet : (n, 3) ndarray
+        On the blade, in the world.
+    distance : (n,) ndarray
+        Signed, of the points from the blade.
+    spacing : float
+
+    Returns
+    -------
+    LostRelief
+        Of fewer than `MIN_POINTS` points nothing, with a deviation of all.
+    """
+    if len(plane) < MIN_POINTS:
+        return LostRelief(0.0, 1.0, ())
+    pairs = _pair(plane, feet, distance, DENSEST * spacing)
+    group = _squares(plane)
+    lost = _missing(pairs, APART, max(LAGS), group)
+    if _bound(lost) > 0:
+        lost = max((_missing(pairs, 0.0, lag, group) for lag in LAGS), key=_bound)
+    longer = float(np.sqrt(1 + 2 * max(lost.share, 0.0)))
+    found = LostRelief(longer - 1 if lost.share > 0 else lost.share, lost.deviation / longer, ())
+    return found._replace(places=find_places(feet, _most(lost, group), spacing)) if found.told else found
+
+
+def tell_lost_relief(lost: LostRelief, area: str) -> str:
+    """Return the line that says how much is lacking, given in words as well, and where."""
+    where = f"most on {tell_places(lost.places)}" if len(lost.places) > 1 else tell_places(lost.places)
+    return (
+        f"the blade lacks about {100 * lost.share:.2g} % of its area, {area}, or more, "
+        f"{where if lost.places else 'all over it'}: relief too fine for it to follow, as of veins and ruffles, or "
+        "noise that neighbors have in common"
+    )
+
+
+def _pair(plane: FloatArray, feet: FloatArray, distance: FloatArray, least: float) -> _Pairs:
+    """Return the pairs of points up to the longest lag, in spacings around the first, no less than `least`."""
+    rows = np.arange(0, len(plane), -(-len(plane) // MAX_POINTS))
+    tree, parts = cKDTree(plane), []
+    for some in np.array_split(rows, -(-len(rows) // BATCH)):
+        near = query(tree, plane[some], k=[*range(1, WINDOW + 1)])[1]
+        beside, height = _over_quadric(plane[near] - plane[some][:, np.newaxis], feet[near] - feet[some][:, np.newaxis])
+        # A window is a disc as wide as its largest coordinate, nearly; beside a margin half of one.
+        spacing = np.maximum(np.sqrt(np.pi / WINDOW) * np.abs(beside).max(axis=(1, 2)), least)
+        h, lag = distance[near] / spacing[:, np.newaxis], beside / spacing[:, np.newaxis, np.newaxis]
+        height /= spacing[:, np.newaxis]
+        product = h[:, :1] * (h + height) + height[:, :1] * h
+        first, second = np.nonzero(np.hypot(lag[..., 0], lag[..., 1]) <= max(LAGS))
+        first, second = first[second > 0], second[second > 0]
+        parts.append((some[first], lag[first, second], product[first, second], spacing[first] ** 2))
+    return _Pairs(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+
+def _over_quadric(flat: FloatArray, space: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return places (n, k, 2) in the tangent plane and heights (n, k) of points over the quadric through each window.
+
+    Parameters
+    ----------
+    flat, space : (n, k, 2), (n, k, 3) ndarrays
+        In the chart and in the world, from the window's first point.
+    """
+    size = np.maximum(np.abs(flat).max(axis=(1, 2)), 1e-300)[:, np.newaxis, np.newaxis]
+    u, v = np.moveaxis(flat / size, -1, 0)
+    terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
+    turned = np.swapaxes(terms, 1, 2)
+    solved = np.linalg.solve(turned @ terms + RIDGE * np.eye(6), turned @ space)
+    first, second = solved[:, 1] / size[:, 0], solved[:, 2] / size[:, 0]
+    cross = np.cross(first, second)
+    normal = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
+    height = np.einsum("nkc,nc->nk", space - terms @ solved, normal)
+    # The chart's axes in the tangent plane: Gram and Schmidt, of the first as it is.
+    along = np.maximum(np.linalg.norm(first, axis=1), 1e-300)
+    shear = np.einsum("nc,nc->n", first, second) / along
+    across = np.linalg.norm(cross, axis=1) / along
+    places = (along * flat[..., 0].T + shear * flat[..., 1].T, across * flat[..., 1].T)
+    return np.stack([part.T for part in places], axis=-1), height
+
+
+def _squares(plane: FloatArray) -> IntArray:
+    """Return the square of the chart (n,) that each place lies in, by number."""
+    least, most = GROUPS
+    count = min(max(len(plane) // OF_GROUP, least), most)
+    extent = np.ptp(plane, axis=0)
+    side = max(float(np.sqrt(np.prod(extent) / count)), float(extent.max()) / count)
+    cells = np.floor((plane - plane.min(axis=0)) / (side or 1.0)).astype(np.int64)
+    return np.unique(cells, axis=0, return_inverse=True)[1].ravel()
+
+
+def _bound(missing: _Missing) -> float:
+    """Return what is missing beyond chance."""
+    return missing.share - BEYOND_CHANCE * missing.deviation
+
+
+def _missing(pairs: _Pairs, least: float, most: float, group: IntArray) -> _Missing:
+    """Return what is missing by the pairs of some lags; its deviation is that of groups (n,)."""
+    size = np.hypot(*pairs.lag.T)
+    near = (least <= size) & (size <= most)
+    (u, v), weight = pairs.lag[near].T, pairs.weight[near] / (pairs.weight[near].sum() or 1.0)
+    terms = np.stack([np.ones_like(u), u * u, 2 * u * v, v * v], axis=1)
+    # Least squares of −G/2, of which the trace is wanted: a weighted sum of the products.
+    inverse = np.linalg.pinv((terms.T * weight) @ terms, rcond=1e-6, hermitian=True)
+    trace = -weight * (terms @ (inverse @ [0.0, 1.0, 0.0, 1.0]))
+    product = pairs.product[near]
+    left = product - terms @ (inverse @ (terms.T @ (weight * product)))
+    by_group = np.bincount(group[pairs.first[near]], trace * left)
+    adds: FloatArray = np.bincount(pairs.first[near], trace * product, len(group)).astype(np.float64)
+    return _Missing(float(adds.sum()), float(np.linalg.norm(by_group)), adds)
+
+
+def _most(missing: _Missing, group: IntArray) -> BoolArray:
+    """Return which points (n,) lie in squares that lack clearly more than the whole does."""
+    points = np.bincount(group)
+    local = np.bincount(group, missing.adds) * len(group) / points
+    chance = 2 * missing.deviation * np.sqrt(len(group) / points)
+    return np.asarray((local > MOST * missing.share + chance)[group])

@@ -1,0 +1,133 @@
+"""Area that a blade lacks as it smooths relief away: never more than there is, and nothing where all is noise."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from blade_fields import KnownOutline, RolledBlade
+from o3dleaf.leaf.fit_quality import FitQuality
+from o3dleaf.leaf.residuals.lost_relief import MIN_POINTS, find_lost_relief
+from tolerances import LOST_IN_ANY_CHART, LOST_ON_A_BEND, LOST_TO_SHORT_LAGS
+
+SIDE = 60.0
+"""Of a square, in spacings."""
+LONG = 2 * np.pi / 6.0
+"""Wave number of waves of six spacings."""
+
+
+def square(seed=0):
+    """Return random places, one to a unit square."""
+    return np.random.default_rng(seed).uniform(0, SIDE, (int(SIDE**2), 2))
+
+
+def waves(plane, high=0.5):
+    """Return heights (n,) of waves that run askew."""
+    return high * np.sin(LONG * plane @ [0.8, 0.6])
+
+
+def noise(plane, size):
+    return size * np.random.default_rng(3).normal(size=len(plane))
+
+
+def lost(plane, blade, scan):
+    """Return what a blade's heights (n,) over a plane lack of a scan's."""
+    return find_lost_relief(plane, np.column_stack([plane, blade]), scan - blade, 1.0)
+
+
+SLOPES = 0.25 * (0.5 * LONG) ** 2
+"""Half the mean of the squared slopes of the waves."""
+
+
+@pytest.mark.parametrize("size", [0.0, 0.2])
+@pytest.mark.parametrize("held", [0.0, 0.5, 1.0])
+def test_what_is_missing_is_the_area_of_the_scan_less_that_of_the_blade(held, size):
+    """½ (1 − T²) mean |∇z|² of waves of which a blade holds T; what is held by half lacks more than its residuals."""
+    plane = square()
+    found = lost(plane, held * waves(plane), waves(plane) + noise(plane, size))
+    truth = np.sqrt(1 + 2 * max(1 - held**2, 0) * SLOPES) - 1
+    assert LOST_TO_SHORT_LAGS * truth - 3 * found.deviation <= found.share <= truth + 3 * found.deviation + 1e-12
+    assert found.told == (held < 1)
+    assert found.deviation < 0.015
+
+
+def test_of_steep_waves_no_more_is_missing_than_there_is():
+    """The mean of √(1 + |∇z|²) is less than 1 + ½ |∇z|²."""
+    plane = square()
+    steepest = 1.8 * LONG
+    truth = np.sqrt(1 + (steepest * np.cos(np.linspace(0, 2 * np.pi, 721)[1:])) ** 2).mean() - 1
+    assert LOST_TO_SHORT_LAGS * truth < lost(plane, np.zeros(len(plane)), waves(plane, 1.8)).share < truth
+
+
+@pytest.mark.parametrize("size", [0.2, 0.5])
+def test_noise_of_points_and_of_passes_is_no_relief(size):
+    plane = square(1)
+    level = np.zeros(len(plane))
+    passes = np.random.default_rng(2).integers(0, 2, len(plane)) * size
+    for scan in (noise(plane, size), noise(plane, size) + passes):
+        found = lost(plane, level, scan)
+        assert abs(found.share) < 3 * found.deviation
+        assert not found.told
+    # Pairs of points, as on lines of a scanner, that err alike.
+    twice = np.concatenate([plane, plane + [0.0, 0.2]])
+    alike = lost(twice / np.sqrt(0.5), np.zeros(len(twice)), np.tile(noise(plane, size), 2))
+    assert not alike.told
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_that_a_blade_follows_is_no_area_that_it_lacks(seed):
+    """Of noise half of which the blade goes through, smoothed or not, nothing is missing."""
+    plane = square(seed)
+    scan = noise(plane, 0.5)
+    found = lost(plane, 0.5 * scan, scan)
+    assert found.share < 3 * found.deviation
+    assert not found.told
+
+
+@pytest.mark.parametrize("chart", [[[2.0, 0.0], [0.0, 2.0]], [[0.6, -0.8], [0.8, 0.6]], [[1.1, 0.3], [0.0, 0.9]]])
+def test_the_area_is_that_of_the_world_in_any_chart_and_unit(chart):
+    plane = square()
+    blade, scan = 0.5 * waves(plane), waves(plane)
+    one = lost(plane, blade, scan)
+    feet = 1e-3 * np.column_stack([plane, blade])
+    other = find_lost_relief(plane @ np.transpose(chart), feet, 1e-3 * (scan - blade), 1e-3)
+    assert other.share == pytest.approx(one.share, rel=LOST_IN_ANY_CHART)
+
+
+def test_a_bent_blade_lacks_what_a_flat_one_does_and_shows_where():
+    """Waves on an eighth of a sheet rolled up, with their area in its unit; the smooth rest adds nothing."""
+    outline = KnownOutline(shapely.box(0, -12, 60, 12))
+    blade = RolledBlade(outline=outline)
+    points, places = blade.scan(0.6, 0.1)
+    raised = 0.45 * np.sin(LONG / 0.6 * places[:, 0]) * (places[:, 0] > 30) * (places[:, 1] > 6)
+    up = blade.lift(np.column_stack([places, np.ones(len(places))])) - blade.lift(np.pad(places, ((0, 0), (0, 1))))
+    quality = FitQuality.of(blade, points + raised[:, np.newaxis] * up)
+    truth = (0.45 / 0.3) ** 2 * SLOPES * 180 / outline.area
+    assert LOST_TO_SHORT_LAGS * truth < quality.lost.share < truth + 3 * quality.lost.deviation
+    (place,) = quality.lost.places
+    u, v, _ = blade.flatten(np.array([place.center]))[0]
+    assert 35 < u < 55
+    assert 6 < v < 12
+    (line,) = (line for line in quality.warnings if "lacks" in line)
+    assert str(place) in line
+    read = json.loads(json.dumps(quality.to_dict()))["relief"]
+    assert read["lost"] == pytest.approx(read["share"] * quality.area[0], rel=1e-12)
+    assert f"{read['lost']:.2g} mm²" in line
+    smooth, flat = (FitQuality.of(each, each.scan(0.6, 0.1)[0]) for each in (blade, replace(blade, radius=1e6)))
+    assert not any("lacks" in line for line in smooth.warnings)
+    assert smooth.lost.deviation < LOST_ON_A_BEND * flat.lost.deviation
+    assert smooth.lost.places == flat.lost.places == ()
+
+
+def test_few_points_tell_nothing():
+    plane = square()[: MIN_POINTS - 1]
+    assert lost(plane, np.zeros(len(plane)), waves(plane)) == (0.0, 1.0, ())
+
+
+def test_points_of_one_place_in_the_chart_are_no_trouble():
+    """As points beyond a tip have: a window of no extent."""
+    plane = np.concatenate([square(), np.tile([[30.0, 30.0]], (100, 1))])
+    found = lost(plane, np.zeros(len(plane)), noise(plane, 0.2))
+    assert abs(found.share) < 3 * found.deviation < 1
