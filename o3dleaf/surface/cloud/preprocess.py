@@ -18,7 +18,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.branchings.find import find_branchings
 from o3dleaf.surface.cloud.downsample import voxel_down_sample
 from o3dleaf.surface.cloud.normals import plane_normals
-from o3dleaf.surface.cloud.orientation.given_normals import check_normals, without_unfit
+from o3dleaf.surface.cloud.orientation.given_normals import check_normals, without_infinite, without_unfit
 from o3dleaf.surface.cloud.orientation.orientation import Orientation, estimate_normals, orient_normals
 from o3dleaf.surface.cloud.orientation.viewpoint import face_given, face_viewpoint
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -86,7 +86,7 @@ def preprocess_point_cloud(
     """
     points = as_raw_rows(raw_points(cloud), "cloud")
     normals = raw_normals(cloud) if normals is None else normals
-    given = None if normals is None else as_raw_rows(normals, "normals")
+    given = None if normals is None else without_infinite(as_raw_rows(normals, "normals"))
     if given is not None and len(given) != len(points):
         raise InputError(f"normals: {len(given)} for {len(points)} points; give one per point")
     seen_from = None if viewpoint is None else as_viewpoint(viewpoint, len(points))
@@ -144,7 +144,7 @@ def _find_normals(
     if given is None:
         return _find_anew(cloud, estimate, orient)
     unit, notes, _ = check_normals(cloud, given, orient=orient is not None)
-    turned = float(np.mean(np.einsum("ij,ij->i", np.nan_to_num(given), unit) < 0))
+    turned = float(np.mean(np.einsum("ij,ij->i", given, unit) < 0))
     noisy = len(cloud.surfels.points) < len(cloud)
     if orient is None or not noisy or not UNUSABLE < turned < 1 - UNUSABLE:
         return Orientation(unit, notes)

@@ -117,7 +117,7 @@ class UsablePoints(NamedTuple):
 
     def apart(self, branchings: Branch | None, normals: FloatArray | None) -> "UsablePoints":
         """Leave out what lies near the lines along which sheets meet, by a step that finds them."""
-        known = self.cloud if normals is None else self.cloud.with_normals(np.nan_to_num(normals))
+        known = self.cloud if normals is None else self.cloud.with_normals(normals)
         met = None if branchings is None else branchings(known)
         if met is None:
             return self

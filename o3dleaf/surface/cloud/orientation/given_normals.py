@@ -54,6 +54,13 @@ plates have 0 to 0.01, also where they are taken over corners; one direction for
 and normals of chance have half. Asked only where half of the planes are sure."""
 
 
+def without_infinite(given: FloatArray) -> FloatArray:
+    """Return normals (n, 3) of any length, zero where they are missing: not finite, or their square is not."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        square = np.einsum("ij,ij->i", given, given)
+    return np.where(np.isfinite(square)[:, np.newaxis], given, 0.0)
+
+
 def without_unfit(cloud: OrientedCloud, given: FloatArray) -> tuple[FloatArray | None, tuple[str, ...]]:
     """Return normals (n, 3) as they were given, or None where they are not those of the surface, and a line on it.
 
@@ -63,12 +70,12 @@ def without_unfit(cloud: OrientedCloud, given: FloatArray) -> tuple[FloatArray |
     planes = cloud.surfels.planes
     if len(planes.normal) != len(given):
         return given, ()
-    length = np.linalg.norm(np.nan_to_num(given), axis=1)
+    length = np.linalg.norm(given, axis=1)
     sure = planes.variance[:, 0] < SURE_PLANE * planes.variance[:, 1]
     known = sure & (length > 0)
     if not sure.mean() > 0.5 or not known.any():
         return given, ()
-    along = np.abs(np.einsum("ij,ij->i", planes.normal, np.nan_to_num(given)))
+    along = np.abs(np.einsum("ij,ij->i", planes.normal, given))
     across = np.mean(along[known] < ACROSS * length[known])
     if across < UNFIT:
         return given, ()
@@ -83,7 +90,7 @@ def check_normals(cloud: OrientedCloud, given: FloatArray, *, orient: bool) -> O
     ----------
     cloud : OrientedCloud
     given : (n, 3) ndarray
-        Of any length, or missing: zero or not finite.
+        Of any length, or zero where they are missing.
     orient : bool
         Whether sides may be changed.
     """
@@ -173,8 +180,7 @@ def _point_inward(surfels: Surfels, unit: FloatArray) -> bool:
 
 def _completed(points: FloatArray, given: FloatArray, rows: IndexArray) -> tuple[FloatArray, int]:
     """Return unit normals, the missing ones those of planes through neighbors, and how many were."""
-    finite = np.isfinite(given).all(axis=1, keepdims=True)
-    length: FloatArray = np.asarray(np.linalg.norm(np.where(finite, given, 0.0), axis=1))
+    length: FloatArray = np.asarray(np.linalg.norm(given, axis=1))
     known = length > 0
     unit = np.where(known[:, np.newaxis], given, 0.0) / np.where(known, length, 1.0)[:, np.newaxis]
     missing = np.flatnonzero(~known)
