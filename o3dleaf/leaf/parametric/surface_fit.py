@@ -216,7 +216,9 @@ def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -
 
 def _said(bend: Bend, raised: float, problem: SurfaceProblem, *, left: bool) -> str:
     """Return the line that says why there is more smoothing, and whether it was enough."""
-    place, radius, apart = tell_place(bend.place, problem.sites), *map(tell_length, (bend.radius, problem.spacing))
+    place, apart = tell_place(bend.place, problem.sites), tell_length(problem.spacing)
+    least = problem.spacing / 100
+    radius = f"less than {tell_length(least)}" if bend.radius < least else tell_length(bend.radius)
     why = f"around {place} the surface bent to a radius of {radius}, where points are {apart} apart"
     done = f"smoothing raised by {raised:g}" if raised > 1 else "smoothing kept, as more of it does not help"
     return f"{done}: {why}{'; some folds are left' if left else ''}"
