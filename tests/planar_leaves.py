@@ -2,6 +2,7 @@
 
 import numpy as np
 import shapely
+from scipy.spatial.transform import Rotation
 
 TURN = np.linspace(0, 2 * np.pi, 2000, endpoint=False)
 
@@ -44,6 +45,22 @@ def graded(leaf, count, rng):
     points = uniform(leaf, 2 * count, rng)
     along = (points[:, 0] - leaf.bounds[0]) / (leaf.bounds[2] - leaf.bounds[0])
     return points[rng.uniform(size=len(points)) < 0.25 + 0.75 * along]
+
+
+def crossings(leaf, step, rng):
+    """Where the edges of a cubic lattice, turned and shifted at random, cross the plane of a leaf."""
+    turn, shift = Rotation.random(random_state=rng).as_matrix(), rng.uniform(0, step, 3)
+    low, high = np.reshape(leaf.bounds, (2, 2))
+    reach = int(np.linalg.norm(high - low) / step) + 1
+    lines = step * np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2), axis=-1).reshape(-1, 2)
+    found = []
+    for axis in range(3):
+        places = np.insert(lines, axis, 0.0, axis=1) + shift
+        places[:, axis] = 0.0
+        places[:, axis] = -places @ turn[:, 2] / turn[axis, 2]
+        found.append(places @ turn[:, :2] + (low + high) / 2)
+    points = np.concatenate(found)
+    return points[shapely.contains_xy(leaf, *points.T)]
 
 
 def lattice(leaf, count, rng, *, across=1.0, jitter=0.0):

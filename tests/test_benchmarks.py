@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.interpolate import RBFInterpolator
+from scipy.spatial import KDTree
 
 import reference
-from tolerances import BASELINE, EFFICIENCY_TWIN
+from o3dleaf import samples
+from tolerances import BASELINE, COUNTED_AREA, CROSSING_HEIGHT, EFFICIENCY_TWIN
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 KEYS = {
@@ -125,3 +127,18 @@ def test_the_errors_of_every_smoothing_are_those_of_refits(script):
             squares[at] += np.sum((fit(points) - clean) ** 2)
     np.testing.assert_allclose(case.errors(amounts, 0.1), np.sqrt(squares), rtol=EFFICIENCY_TWIN)
     assert all(ratio >= 1 for rule, ratio in measuring.efficiencies(case, 0.1).items() if rule != "this rule")
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_crossings_of_a_lattice_stand_for_the_area_of_their_leaf(script, seed):
+    """They lie on it, two of three coordinates on the lattice; those seen and whole cells are ever fewer."""
+    leaf = samples.leaf_shape("twisted", length=30, width=10, angle=60)
+    fused = script("measure_lattice").fuse(leaf, 0.7, seed)
+    (points, counted), (_, seen), (_, cells) = (fused.ending(how) for how in ("leaf", "seen", "cells"))
+    assert counted == pytest.approx(leaf.area, rel=COUNTED_AREA)
+    assert cells < seen < (1 - 4 * COUNTED_AREA) * leaf.area
+    assert np.abs(0.1 - leaf(points)).max() < CROSSING_HEIGHT * 0.7
+    trimmed, _ = fused.ending("trimmed")
+    assert leaf.contains(fused.places).sum() == len(points)
+    rim = np.concatenate(leaf.margin(0.01))
+    assert KDTree(rim).query(trimmed[len(points) :])[0].max() < 0.01

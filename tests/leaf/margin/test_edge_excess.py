@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import planar_leaves as leaves
 from o3dleaf.leaf.margin.edge.edge_score import BLUR, CUT, crowded, score
 from o3dleaf.leaf.margin.margin import Margin
-from tolerances import CROWDED, VOXEL_AREA
+from tolerances import CROWDED, LATTICE_AREA, ROWS_AREA, VOXEL_AREA
 
 ELLIPSE = shapely.affinity.scale(shapely.Point(0, 0).buffer(1.0, quad_segs=256), 60, 18)
 
@@ -46,3 +46,18 @@ def test_averages_of_voxels_end_where_the_leaf_does(seed):
     assert abs(margin.area / ELLIPSE.area - 1) < VOXEL_AREA
     assert "averages of voxels" in margin.notes[0]
     assert not any("averages of voxels" in note for note in Margin.fit(points[::9]).notes)
+
+
+def test_where_a_lattice_crosses_a_leaf_ends_where_the_leaf_does():
+    """Points in twos and threes, with gaps: their margin is found in its place in the mean of a few turns."""
+    leaf = leaves.ellipse()
+    areas = [Margin.fit(leaves.crossings(leaf, 2.0, np.random.default_rng(seed))).area for seed in range(4)]
+    assert abs(np.mean(areas) / leaf.area - 1) < LATTICE_AREA
+
+
+def test_rows_along_an_edge_are_no_averages_of_voxels():
+    """They lie in one strip along the edge or the next, deeper inside as at the edge."""
+    box = shapely.box(0, 0, 100, 9)
+    margin = Margin.fit(leaves.crossings(box, 1.0, np.random.default_rng(35)))
+    assert not any("averages of voxels" in note for note in margin.notes)
+    assert abs(margin.area / box.area - 1) < ROWS_AREA
