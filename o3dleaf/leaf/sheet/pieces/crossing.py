@@ -133,7 +133,7 @@ def _part(
 
 
 def _tell(points: FloatArray, between: FloatArray, place: _Crossed) -> str:
-    """Return what is said of points (m, 3) where leaves cross, of all (n, 3): shares, as these may be a scan thinned."""
+    """Return what is said of points (m, 3) where leaves cross, in shares of all (n, 3), which may be a thinned scan."""
     share = f"the points there, {100 * len(between) / len(points):.3g} % of all,"
     at = tell_middle(between, points)
     if place.both:
