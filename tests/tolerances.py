@@ -891,6 +891,13 @@ CROSSING_AREA = 0.02
 
 # --- the chart of a sheet ---
 
+NEARLY_AT_REST = 0.02
+"""The same of a chart relaxed from a circle until a step changes its energy by a thousandth: 0.008; 0.1 and more where
+its margin is held."""
+HELD = 1e-2
+"""Of what a vertex moves that is free: 4e-5 of it found; without a stiffness it moves like the rest."""
+BENT_IN_THE_PLANE = 2.0
+"""Times the stretch at the margin of a strip that is bent evenly: 0.9 and 1.6 found, 2.7 and 4.7 where nothing is released."""
 CHORDS_OF_A_ROLL = 6e-3
 """Stretch of triangles of 2.5 on a roll of radius 15, whose edges are chords: (2.5/15)^2/24 = 1e-3 short of the arcs,
 some triangles long and thin at the border; a chart that shears shows as a tenth."""
@@ -1212,6 +1219,9 @@ EXTENDED_FEET = 0.15
 BENT_TIP = 0.03
 """Spacings off a surface of points that bend out of a plane: 0.009 to 0.021 in five draws; 0.042 to 0.2 where the
 plane's rounding is taken for the noise."""
+OFF_ONE_LAYER = 0.05
+"""Spacings that points without noise lie off a surface over a chart in one layer: 0.007; where its ends lie over each
+other the surface goes through neither, and they are spacings."""
 NOISE_OF_FIT = 0.12
 """Of the noise: what neighbors' heights over a fit differ by gives it to a tenth, local planes a fifth too small."""
 NOISE_OF_HEIGHTS = 0.05
