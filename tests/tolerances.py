@@ -1219,9 +1219,6 @@ EXTENDED_FEET = 0.15
 BENT_TIP = 0.03
 """Spacings off a surface of points that bend out of a plane: 0.009 to 0.021 in five draws; 0.042 to 0.2 where the
 plane's rounding is taken for the noise."""
-OFF_ONE_LAYER = 0.05
-"""Spacings that points without noise lie off a surface over a chart in one layer: 0.007; where its ends lie over each
-other the surface goes through neither, and they are spacings."""
 NOISE_OF_FIT = 0.12
 """Of the noise: what neighbors' heights over a fit differ by gives it to a tenth, local planes a fifth too small."""
 NOISE_OF_HEIGHTS = 0.05

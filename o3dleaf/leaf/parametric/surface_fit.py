@@ -17,7 +17,7 @@ from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.chart.carry import carry_chart
-from o3dleaf.leaf.chart.flatten import STEPPED, require_low_distortion
+from o3dleaf.leaf.chart.flatten import LARGEST_FLAP, STEPPED, require_low_distortion
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.one_layer import relax_in_one_layer
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap
@@ -242,14 +242,15 @@ def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> 
 def _relaxed(mesh: ChartMesh) -> FloatArray:
     """Return the chart (n, 2) of a mesh relaxed on it, which is not tangled and does not become so.
 
-    Nor does it come to lie over itself, but by a hair: S would have to go through both layers at one place.
+    Nor does it come to lie over itself, but by a hair: S would have to go through both layers at one place. More than
+    `LARGEST_FLAP` is no ruffles, but a surface between two things.
     """
     chart = untangle(relax_rigidly(mesh.vertices, mesh.triangles, mesh.chart), mesh.triangles)
     if chart is None:
         chart = relax_without_flips(mesh.vertices, mesh.triangles, mesh.chart, ROUNDS_AGAIN)
     rings = require_sheet(mesh.vertices, mesh.triangles)
     overlap = find_overlap(chart, mesh.triangles, rings)
-    if overlap is None or overlap.share * len(mesh.triangles) < HAIR:
+    if overlap is None or not HAIR / len(mesh.triangles) <= overlap.share <= LARGEST_FLAP:
         return chart
     return relax_in_one_layer(mesh.vertices, mesh.triangles, mesh.chart, rim_first(rings), RELEASES_AGAIN)
 
