@@ -37,6 +37,18 @@ def rolled(flat, radius=60.0, turned=0.5):
     return np.stack([radius * np.sin(along / radius), across, radius * np.cos(along / radius)], axis=1)
 
 
+def spiral(turns, step=1.0):
+    """A flat strip that winds around itself in its own plane, rising: it overlaps when laid flat."""
+    flat, triangles = triangulated(shapely.box(0, -4, 2 * np.pi * 10 * turns, 4), step)
+    return staircase(flat), triangles
+
+
+def staircase(flat):
+    """Places (n, 3) of those of a strip (n, 2) that winds around an axis 10 off its middle, rising by 4 pi a turn."""
+    angle, radius = flat[:, 0] / 10, 10 + flat[:, 1]
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), 2.0 * angle], axis=1)
+
+
 def blade(length=120.0, width=12.0, *, oblique=0.0):
     """A long blade along x, symmetric about y = 0, its base cut at x = 0, square or `oblique` (rise over run)."""
     x = np.linspace(0, length, 200)

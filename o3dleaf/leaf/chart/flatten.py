@@ -10,8 +10,9 @@ from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.core.places import tell_place
 from o3dleaf.leaf.chart.carry import carry
 from o3dleaf.leaf.chart.flattening.embedding import conformal_chart, convex_chart, relax_rigidly, relax_without_flips
-from o3dleaf.leaf.chart.flattening.overlap import Overlap
-from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, require_sheet
+from o3dleaf.leaf.chart.flattening.one_layer import relax_in_one_layer
+from o3dleaf.leaf.chart.flattening.overlap import Overlap, find_overlap
+from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, require_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas, triangle_stretch
 from o3dleaf.leaf.chart.flattening.untangle import untangle
 from o3dleaf.surface.repair.simplify import simplify_mesh
@@ -26,6 +27,9 @@ BAG = "it is closed there like a bag or a tube, not a blade; cut the scan there,
 STEPPED = "it steps there from one thing to another, a leaf and what lies under or beside it; cut those apart"
 OVERLAP = 1e-3
 """Share of the area that may lie twice in the chart: the banks of a slit that close over each other by a hair."""
+LARGEST_FLAP = 0.2
+"""Share of the area that may go where the chart lies over itself: what stays is four times as large. Of more it is open
+which layer is the leaf."""
 
 
 def overlap_error(overlap: Overlap, vertices: FloatArray, triangles: IntArray) -> ReconstructionError:
@@ -43,7 +47,8 @@ def lay_flat(vertices: FloatArray, triangles: IntArray) -> FloatArray:
 
     A conformal map (Lévy et al. 2002, ACM TOG 21:362) relaxed as rigidly as possible (Liu et al. 2008, CGF
     27:1495), on at most `TRIANGLES` triangles of the sheet; what lies between is carried along by closest points.
-    No triangle of that mesh is flipped, but it may lie over itself: `find_overlap`. `turn_chart` turns it.
+    No triangle of that mesh is flipped. Where it would lie over itself it is relaxed from a convex map in one layer;
+    if that stretches it too far it stays so: `find_overlap`. `turn_chart` turns it.
 
     Parameters
     ----------
@@ -63,7 +68,7 @@ def lay_flat(vertices: FloatArray, triangles: IntArray) -> FloatArray:
         coarse, faces = coarsen(*_used_alone(vertices, triangles))
         rings = require_sheet(coarse, faces)
     with flattening:
-        chart = _embed(coarse, faces, rings)
+        chart = _in_one_layer(coarse, faces, rings, _embed(coarse, faces, rings))
         chart *= np.sqrt(triangle_areas(coarse, faces).sum() / chart_areas(chart, faces).sum())
         require_low_distortion(coarse, faces, chart)
     with carrying:
@@ -103,6 +108,22 @@ def _embed(vertices: FloatArray, triangles: IntArray, rings: BoundaryRings) -> F
             vertices[triangles[flipped]].mean(axis=1),
         )
     return safe
+
+
+def _in_one_layer(vertices: FloatArray, triangles: IntArray, rings: BoundaryRings, chart: FloatArray) -> FloatArray:
+    """Return a chart that lies over itself nowhere, where that one does and less of this one is stretched too far.
+
+    A ruffled margin is too long to lie flat without stretch. What lies over itself so far that no part of it may be cut
+    off, as what winds round does, stays so.
+    """
+    overlap = find_overlap(chart, triangles, rings)
+    if overlap is None or not OVERLAP < overlap.share <= LARGEST_FLAP:
+        return chart
+    start = convex_chart(vertices, triangles, rings)
+    if not (chart_areas(start, triangles) > 0).all():
+        return chart
+    single = relax_in_one_layer(vertices, triangles, start, rim_first(rings))
+    return single if _far_share(vertices, triangles, single) <= min(overlap.share, WORST_SHARE) else chart
 
 
 def _far_share(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> float:

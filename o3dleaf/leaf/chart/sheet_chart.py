@@ -10,16 +10,12 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, 
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.core.places import tell_place
 from o3dleaf.leaf.chart.carry import carry
-from o3dleaf.leaf.chart.flatten import OVERLAP, lay_flat, overlap_error
+from o3dleaf.leaf.chart.flatten import LARGEST_FLAP, OVERLAP, lay_flat, overlap_error
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
 from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet
 from o3dleaf.leaf.chart.flattening.stretch import Stretch, stretch_quantiles
 from o3dleaf.leaf.chart.midline import Midline, find_midline, midline_through
 from o3dleaf.leaf.chart.turn import facing, turn_chart
-
-LARGEST_FLAP = 0.2
-"""Share of the area that may go where the chart lies over itself: what stays is four times as large. Of more it is open
-which layer is the leaf."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,11 @@ from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.chart.carry import carry_chart
-from o3dleaf.leaf.chart.flatten import STEPPED, require_low_distortion
+from o3dleaf.leaf.chart.flatten import LARGEST_FLAP, STEPPED, require_low_distortion
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
+from o3dleaf.leaf.chart.flattening.one_layer import relax_in_one_layer
+from o3dleaf.leaf.chart.flattening.overlap import find_overlap
+from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.untangle import untangle
 from o3dleaf.leaf.margin.margin import Margin, carry_margin
 from o3dleaf.leaf.margin.sheet_mesh import triangulate
@@ -33,6 +36,10 @@ ROUNDS = 3
 ROUNDS_AGAIN = 2
 """Of ten steps without flips, in which a chart that was at rest on the surface before is relaxed on the next: more of
 them take most of a ruffled leaf's time."""
+RELEASES_AGAIN = 2
+"""Of a margin that is held so that the chart does not lie over itself: the chart was at rest on a surface before."""
+HAIR = 1.0
+"""Triangles' worth of area that may lie double in a chart: corners of single ones at a rough margin do."""
 MAX_POINTS = 20_000
 """Points that the surface is fitted to; of more, means in voxels: see `leaf.paper_pipeline`."""
 FOLDED = 1 / np.pi
@@ -235,11 +242,19 @@ def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> 
 
 
 def _relaxed(mesh: ChartMesh) -> FloatArray:
-    """Return the chart (n, 2) of a mesh relaxed on it, which is not tangled and does not become so."""
+    """Return the chart (n, 2) of a mesh relaxed on it, which is not tangled and does not become so.
+
+    Nor does it come to lie over itself, but by a hair: S would have to go through both layers at one place. More than
+    `LARGEST_FLAP` is no ruffles, but a surface between two things.
+    """
     chart = untangle(relax_rigidly(mesh.vertices, mesh.triangles, mesh.chart), mesh.triangles)
-    if chart is not None:
+    if chart is None:
+        chart = relax_without_flips(mesh.vertices, mesh.triangles, mesh.chart, ROUNDS_AGAIN)
+    rings = require_sheet(mesh.vertices, mesh.triangles)
+    overlap = find_overlap(chart, mesh.triangles, rings)
+    if overlap is None or not HAIR / len(mesh.triangles) <= overlap.share <= LARGEST_FLAP:
         return chart
-    return relax_without_flips(mesh.vertices, mesh.triangles, mesh.chart, ROUNDS_AGAIN)
+    return relax_in_one_layer(mesh.vertices, mesh.triangles, mesh.chart, rim_first(rings), RELEASES_AGAIN)
 
 
 def _relaxed_as_it_is(mesh: ChartMesh) -> FloatArray:

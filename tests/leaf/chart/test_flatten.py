@@ -4,15 +4,22 @@ import shapely
 
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import triangle_areas
-from o3dleaf.leaf.chart.flatten import lay_flat
-from o3dleaf.leaf.chart.flattening.embedding import conformal_chart, convex_chart, relax_rigidly, relax_without_flips
+from o3dleaf.leaf.chart.flatten import WORST, lay_flat
+from o3dleaf.leaf.chart.flattening.embedding import (
+    conformal_chart,
+    convex_chart,
+    flip_free_descent,
+    relax_rigidly,
+    relax_without_flips,
+)
+from o3dleaf.leaf.chart.flattening.one_layer import lies_over_itself, relax_in_one_layer
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
-from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet
+from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import Stretch, chart_areas, stretch_quantiles, triangle_stretch
 from o3dleaf.leaf.chart.flattening.untangle import untangle, winds_twice
 from o3dleaf.leaf.chart.sheet_chart import chart_sheet
 from tests import tolerances as tol
-from tests.sheet_shapes import blade, ellipse, rolled, triangulated
+from tests.sheet_shapes import blade, ellipse, rolled, spiral, triangulated
 
 
 @pytest.fixture(scope="module")
@@ -149,11 +156,73 @@ def test_a_ruffled_sheet_is_laid_flat_without_winding_twice_around_a_place():
     assert not winds_twice(chart, triangles)
 
 
-def spiral(turns, step=1.0):
-    """A flat strip that winds around itself in its own plane, rising: it overlaps when laid flat."""
-    flat, triangles = triangulated(shapely.box(0, -4, 2 * np.pi * 10 * turns, 4), step)
-    angle, radius = flat[:, 0] / 10, 10 + flat[:, 1]
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), 2.0 * angle], axis=1), triangles
+def freely_relaxed(sheet, triangles):
+    """The chart of a sheet that may lie over itself, and its rims."""
+    rings = require_sheet(sheet, triangles)
+    start = relax_without_flips(sheet, triangles, convex_chart(sheet, triangles, rings))
+    return relax_rigidly(sheet, triangles, start), rim_first(rings)
+
+
+def test_a_chart_that_meets_itself_nowhere_is_that_of_least_stretch(eaten):
+    flat, triangles = eaten
+    sheet = rolled(flat, radius=15.0)
+    rings = require_sheet(sheet, triangles)
+    chart = relax_in_one_layer(sheet, triangles, convex_chart(sheet, triangles, rings), rim_first(rings))
+    assert np.abs(triangle_stretch(sheet, triangles, chart) - 1).max() < tol.NEARLY_AT_REST
+
+
+def test_vertices_that_are_held_stay_while_the_rest_relaxes(eaten):
+    flat, triangles = eaten
+    sheet = rolled(flat, radius=15.0)
+    start = convex_chart(sheet, triangles, require_sheet(sheet, triangles))
+    held = np.arange(0, len(flat), 40)
+    moved = np.linalg.norm(flip_free_descent(sheet, triangles, start, held)(10) - start, axis=1)
+    free = np.linalg.norm(flip_free_descent(sheet, triangles, start)(10) - start, axis=1)
+    assert moved[held].max() < tol.HELD * free[held].max()
+    assert moved.max() > tol.HELD * free.max()
+
+
+def test_ends_that_meet_in_the_plane_touch_and_the_rest_is_stretched_little():
+    """Of a strip that winds by 1.4 turns: as a closed ring it bends by less, 4 / 10 (1 - 1 / 1.4) of length at most."""
+    sheet, triangles = spiral(1.4, step=2.0)
+    rings = require_sheet(sheet, triangles)
+    chart = relax_in_one_layer(sheet, triangles, convex_chart(sheet, triangles, rings), rim_first(rings))
+    assert chart_areas(chart, triangles).min() > 0
+    assert not lies_over_itself(chart, rim_first(rings))
+    stretch = stretch_quantiles(sheet, triangles, chart)
+    bent = tol.BENT_IN_THE_PLANE * 0.4 * (1 - 1 / 1.4)
+    assert 1 / (1 + bent) < stretch.least < stretch.most < 1 + bent
+
+
+def test_ends_that_lie_over_each_other_by_a_hair_come_apart_where_lengths_ask_for_it():
+    strip, triangles = triangulated(shapely.box(0, -4, 19.6 * np.pi, 4), 2.0)
+
+    def ring(wound):
+        angle, radius = wound * strip[:, 0] / 10, 10 - strip[:, 1]
+        return np.stack([radius * np.sin(angle), -radius * np.cos(angle)], axis=1)
+
+    sheet = np.column_stack([ring(1.0), np.zeros(len(strip))])
+    rims = rim_first(require_sheet(sheet, triangles))
+    assert not lies_over_itself(ring(1.0), rims)
+    start = ring(1.03)
+    assert lies_over_itself(start, rims)
+    chart = relax_in_one_layer(sheet, triangles, start, rims)
+    assert np.abs(triangle_stretch(sheet, triangles, chart) - 1).max() < tol.NEARLY_AT_REST
+
+
+def test_a_sheet_that_winds_round_itself_by_a_little_is_laid_flat_in_one_layer():
+    """Its isometric chart is a ring of more than a turn: in one layer its ends touch, and lengths give way."""
+    sheet, triangles = spiral(1.15, step=2.0)
+    free, rims = freely_relaxed(sheet, triangles)
+    assert lies_over_itself(free, rims)
+    chart = lay_flat(sheet, triangles)
+    areas = chart_areas(chart, triangles)
+    assert areas.min() > 0
+    assert not lies_over_itself(chart, rims)
+    # One to one: what its triangles cover is the inside of its outline.
+    assert areas.sum() == pytest.approx(shapely.Polygon(chart[rims[0]]).area, rel=1e-9)
+    stretch = stretch_quantiles(sheet, triangles, chart)
+    assert WORST[0] < stretch.least < stretch.most < WORST[1]
 
 
 def test_a_sheet_that_winds_round_itself_is_refused_with_the_place():

@@ -10,12 +10,16 @@ from scipy.spatial.transform import Rotation
 import tolerances as tol
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.rbf.kernels import as_kernel
+from o3dleaf.leaf.chart.flatten import lay_flat
+from o3dleaf.leaf.chart.flattening.one_layer import lies_over_itself
+from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 from o3dleaf.leaf.parametric import fitted, surface_fit
 from o3dleaf.leaf.parametric.fitted import ChartMesh
 from o3dleaf.leaf.parametric.local_smoothing import choose_by_place
 from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface
 from o3dleaf.leaf.parametric.tight_bends import tightest_bend
+from tests.sheet_shapes import spiral
 
 RADIUS, LENGTH, HALF_WIDTH = 6.0, 24.0, 5.0
 NOISE = 0.02
@@ -140,6 +144,13 @@ def test_a_flat_scan_without_noise_is_followed_where_it_bends():
     points, sheet = hook(places(900, 2)), strip()
     heights = np.abs(fit_chart_surface(points, replace(sheet, vertices=hook(sheet.chart))).heights)
     assert heights.max() < tol.BENT_TIP * np.sqrt(2 * LENGTH * HALF_WIDTH / len(points))
+
+
+def test_a_chart_comes_to_lie_over_itself_in_no_round():
+    """A strip that winds by more than a turn: charts that keep its lengths do, and S cannot go through both ends."""
+    sheet, triangles = spiral(1.15, step=1.5)
+    chart = surface_fit._relaxed(ChartMesh(sheet, triangles, lay_flat(sheet, triangles)))
+    assert not lies_over_itself(chart, rim_first(require_sheet(sheet, triangles)))
 
 
 def test_smoothing_is_less_where_the_leaf_is_wavy():

@@ -8,4 +8,5 @@
 `embedding`    maps of a sheet to the plane
 `untangle`     single flipped triangles put right, and charts that wind twice around a place
 `overlap`      overlaps of a chart with itself
+`one_layer`    charts that lie over themselves nowhere
 """

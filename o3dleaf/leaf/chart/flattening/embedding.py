@@ -1,5 +1,7 @@
 """Maps of a sheet to the plane: conformal, convex, and relaxed to keep lengths (libigl's)."""
 
+from collections.abc import Callable
+
 import igl
 import numpy as np
 import scipy.sparse
@@ -20,6 +22,9 @@ AT_REST = 1e-4
 """Share by which the energy may still fall in ten steps when the chart is taken to rest."""
 UNSEEN = 1e-9
 """Or the fall itself: lengths change by 3e-5 then, root mean square. Below it the charts of flat leaves creep."""
+
+HOLD = 1e5
+"""Stiffness of the place of a vertex that is held."""
 
 
 def conformal_chart(vertices: FloatArray, triangles: IntArray, rings: BoundaryRings) -> FloatArray | None:
@@ -89,24 +94,37 @@ def relax_without_flips(
     Rabinovich et al. 2017 (ACM TOG 36:16), from a chart without flips; after so many `rounds` of ten steps where it
     does not come to rest before.
     """
-    data = igl.slim_precompute(
-        np.asfortranarray(vertices),
-        np.asfortranarray(triangles.astype(np.int32)),
-        np.asfortranarray(chart),
-        igl.MappingEnergyType.SYMMETRIC_DIRICHLET,
-        np.empty(0, np.int32),
-        np.empty((0, 2), order="F"),
-        0.0,
-    )
+    step = flip_free_descent(vertices, triangles, chart)
     before, energy_of = np.inf, RigidEnergy(vertices, triangles)
     for _ in range(rounds):
         look_for_stop()
-        chart = np.ascontiguousarray(igl.slim_solve(data, 10))
+        chart = step(10)
         energy = energy_of(chart)
         if abs(before - energy) <= AT_REST * energy:
             break
         before = energy
     return chart
+
+
+def flip_free_descent(
+    vertices: FloatArray, triangles: IntArray, chart: FloatArray, held: IntArray | None = None
+) -> Callable[[int], FloatArray]:
+    """Return what takes so many steps down the symmetric Dirichlet energy, from a chart without flips, and returns it.
+
+    Vertices that are `held` (k,) stay where they are but for a part in about `HOLD`: stiffnesses of triangles are about
+    1, whatever the unit.
+    """
+    fixed = np.empty(0, np.int32) if held is None else held.astype(np.int32)
+    data = igl.slim_precompute(
+        np.asfortranarray(vertices),
+        np.asfortranarray(triangles.astype(np.int32)),
+        np.asfortranarray(chart),
+        igl.MappingEnergyType.SYMMETRIC_DIRICHLET,
+        fixed,
+        np.asfortranarray(chart[fixed]),
+        0.0 if held is None else HOLD,
+    )
+    return lambda steps: np.ascontiguousarray(igl.slim_solve(data, steps))
 
 
 def _of_its_area(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> FloatArray:
