@@ -897,7 +897,8 @@ its margin is held."""
 HELD = 1e-2
 """Of what a vertex moves that is free: 4e-5 of it found; without a stiffness it moves like the rest."""
 BENT_IN_THE_PLANE = 2.0
-"""Times the stretch at the margin of a strip that is bent evenly: 0.9 and 1.6 found, 2.7 and 4.7 where nothing is released."""
+"""Times the stretch at the margin of a strip that is bent evenly: 0.9 and 1.6 found, 2.7 and 4.7 where nothing is
+released."""
 CHORDS_OF_A_ROLL = 6e-3
 """Stretch of triangles of 2.5 on a roll of radius 15, whose edges are chords: (2.5/15)^2/24 = 1e-3 short of the arcs,
 some triangles long and thin at the border; a chart that shears shows as a tenth."""
