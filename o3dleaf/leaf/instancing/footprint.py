@@ -18,8 +18,11 @@ HALO = 8
 ROUNDS = 4
 """So often columns are taken inside for one another; each round sees a cell farther."""
 MIN_DEPTH = 1e-4
-"""Steps that a column lies off the margin at least, outside if it is nearer: the parts of `MIN_FRACTION` that a cut
-keeps from the ends of all edges there would cross one another."""
+"""Steps that a column lies off the margin at least: nearer, the parts of `MIN_FRACTION` that a cut keeps from the ends
+of all edges there would cross one another."""
+ROUNDING = 1e-9
+"""Steps inside up to which a column is on the margin, which is outside: columns along a side that runs on the lattice
+are off it to either by a rounding."""
 
 OUTSIDE, CUT, WHOLE = range(3)
 """What an outline leaves of a place: nothing, what is to be looked at, or all of it."""
@@ -154,8 +157,8 @@ class Footprint:
         """
         least = MIN_DEPTH * float(self.spacing.min())
         distance = self.distances(np.asarray(low) - ROUNDS, np.asarray(high) + ROUNDS)
-        # To one side: columns along which a side of the outline runs are off it by a rounding, to either.
-        distance = np.where(distance < least, np.minimum(distance, -least), distance)
+        inside = distance > ROUNDING * self.spacing.min()
+        distance = np.where(inside, np.maximum(distance, least), np.minimum(distance, -least))
         for _ in range(ROUNDS):
             crossed = np.argwhere(_corners(distance > 0))
             if not len(crossed):
