@@ -1,12 +1,12 @@
 """Leaves that rest on one another are told apart where anything shows which points are whose; single ones are not."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.leaf.sheet.pieces.minimum_cut import CROSSING, Links, minimum_cut
 from o3dleaf.leaf.sheet.pieces.nearer_surface import tell_by_surface
 from o3dleaf.leaf.sheet.sheet import find_sheet
@@ -63,9 +63,12 @@ def test_each_leaf_has_a_blade_of_its_own():
         assert blade.outline.area == pytest.approx(scan.areas[leaf], rel=RESTING_AREA)
 
 
-def test_a_blade_of_both_is_refused_with_the_pieces_that_there_are():
-    with pytest.raises(ReconstructionError, match=r"it steps there .* pieces are 2: 1: .*; 2: .*; give `piece`"):
-        o3l.create_blade(scan_of(9, 0.9).points, unit="mm")
+def test_a_blade_of_both_says_so_with_the_pieces_that_there_are():
+    scan = scan_of(9, 1.2)
+    blade = o3l.create_blade(scan.points, unit="mm")
+    assert max(scan.areas) < blade.outline.area
+    (note,) = (note for note in blade.notes if SAID in note)
+    assert re.search(r"taken as one sheet, with .* `piece` takes one of 2: 1: .*; 2: .*", note)
 
 
 def test_leaves_that_nothing_tells_apart_are_said_to_be_such():
