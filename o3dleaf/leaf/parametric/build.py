@@ -80,9 +80,9 @@ def build_parametric_blade(
     # One open sheet near the points: passes that disagree are averaged, what lies over it is left out.
     with journal.stage("find sheet"):
         scan = points
-        bed = refuse_table(scan, options)
+        table = refuse_table(scan, options)
         points, others, apart = _piece_of(scan, options)
-        points, petiole = _part_petiole(points, options) if bed is None else (points, _Parted())
+        points, petiole = _part_petiole(points, options) if table is None else (points, _Parted())
         points, sides = _between_sides(points, options)
         sheet = find_sheet(points, one_sheet=options.one_sheet)
     # Laid flat with little stretch and turned, base at u = 0 and the midrib along v = 0.
@@ -125,8 +125,8 @@ def build_parametric_blade(
     # The chart once more, of the surface itself and up to its margin.
     with journal.stage("relax chart"):
         surface, margin = relax_chart(fit.surface, margin, fit.problem.spacing)
-    table = None if options.thickness is None else as_factors(options.thickness, "thickness")
-    thickness = None if table is None else ThicknessMap(table, margin.bounds)
+    factors = None if options.thickness is None else as_factors(options.thickness, "thickness")
+    thickness = None if factors is None else ThicknessMap(factors, margin.bounds)
     rim = options.rim_radius
     several = others is not None or (sheet.leftovers is not None and len(sheet.leftovers.pieces) > 1)
     return ParametricBlade(surface, margin, rim, notes, thickness, petiole.cut, others, several)

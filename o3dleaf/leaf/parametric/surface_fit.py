@@ -38,7 +38,7 @@ ROUNDS_AGAIN = 2
 them take most of a ruffled leaf's time."""
 RELEASES_AGAIN = 2
 """Of a margin that is held so that the chart does not lie over itself: the chart was at rest on a surface before."""
-HAIR = 1.0
+MAX_DOUBLE = 1.0
 """Triangles' worth of area that may lie double in a chart: corners of single ones at a rough margin do."""
 MAX_POINTS = 20_000
 """Points that the surface is fitted to; of more, means in voxels: see `leaf.paper_pipeline`."""
@@ -244,15 +244,15 @@ def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> 
 def _relaxed(mesh: ChartMesh) -> FloatArray:
     """Return the chart (n, 2) of a mesh relaxed on it, which is not tangled and does not become so.
 
-    Nor does it come to lie over itself, but by a hair: S would have to go through both layers at one place. More than
-    `LARGEST_FLAP` is no ruffles, but a surface between two things.
+    Nor does it come to lie over itself, but by less than a triangle: S would have to go through both layers at one
+    place. More than `LARGEST_FLAP` is no ruffles, but a surface between two things.
     """
     chart = untangle(relax_rigidly(mesh.vertices, mesh.triangles, mesh.chart), mesh.triangles)
     if chart is None:
         chart = relax_without_flips(mesh.vertices, mesh.triangles, mesh.chart, ROUNDS_AGAIN)
     rings = require_sheet(mesh.vertices, mesh.triangles)
     overlap = find_overlap(chart, mesh.triangles, rings)
-    if overlap is None or not HAIR / len(mesh.triangles) <= overlap.share <= LARGEST_FLAP:
+    if overlap is None or not MAX_DOUBLE / len(mesh.triangles) <= overlap.share <= LARGEST_FLAP:
         return chart
     return relax_in_one_layer(mesh.vertices, mesh.triangles, mesh.chart, rim_first(rings), RELEASES_AGAIN)
 

@@ -194,7 +194,7 @@ def test_ends_that_meet_in_the_plane_touch_and_the_rest_is_stretched_little():
     assert 1 / (1 + bent) < stretch.least < stretch.most < 1 + bent
 
 
-def test_ends_that_lie_over_each_other_by_a_hair_come_apart_where_lengths_ask_for_it():
+def test_ends_that_lie_over_each_other_by_a_little_come_apart_where_lengths_ask_for_it():
     strip, triangles = triangulated(shapely.box(0, -4, 19.6 * np.pi, 4), 2.0)
 
     def ring(wound):

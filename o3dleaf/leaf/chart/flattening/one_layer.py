@@ -33,7 +33,7 @@ def relax_in_one_layer(
 ) -> FloatArray:
     """Return a chart (n, 2) relaxed without flips from one that lies over itself nowhere, and no more does itself.
 
-    Edges of the boundary that cross by a hair at the start may go on to.
+    Edges of the boundary that cross at the start may go on to.
 
     A ruffled margin is longer than the outline of any chart of its sheet that keeps lengths, so that relaxed freely its
     waves come to lie over each other in the plane, where one surface S(u, v) cannot go through both. A step after which

@@ -89,7 +89,7 @@ class Table(NamedTuple):
         return f"{self.said()}: taken as one sheet, with {lesser:,} of these; `piece` takes one of {pieces}"
 
 
-class _Bed(NamedTuple):
+class _BowedPlane(NamedTuple):
     """A plane, nearly: z over x and y of a frame (3, 3) at an origin, a polynomial of second degree in x, y / size."""
 
     origin: FloatArray
@@ -98,7 +98,7 @@ class _Bed(NamedTuple):
     terms: FloatArray = np.zeros(6)
 
     def local(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the places (n, 2) of points (n, 3) in the plane, and their heights (n,) over the bed."""
+        """Return the places (n, 2) of points (n, 3) in the plane, and their heights (n,) over it, bowed."""
         place = (points - self.origin) @ self.frame.T
         return place[:, :2], place[:, 2] - self.powers(place[:, :2]) @ self.terms
 
@@ -107,15 +107,15 @@ class _Bed(NamedTuple):
         x, y = (place / self.size).T
         return np.stack([np.ones(len(x)), x, y, x * x, x * y, y * y], axis=1)
 
-    def fitted(self, points: FloatArray, near: float) -> "_Bed":
-        """Return the bed through those points (n, 3) that lie near this one."""
+    def fitted(self, points: FloatArray, near: float) -> "_BowedPlane":
+        """Return the plane through those points (n, 3) that lie near this one."""
         place, height = self.local(points)
         on = np.abs(height) <= near
         more = np.linalg.lstsq(self.powers(place[on]), height[on], rcond=None)[0]
         return self._replace(terms=self.terms + more)
 
     def bend(self, place: FloatArray) -> float:
-        """Return how far the bed lies off a plane over places (n, 2), from lowest to highest."""
+        """Return how far it lies off a true plane over places (n, 2), from lowest to highest."""
         powers = self.powers(place)
         height = powers[:, 3:] @ self.terms[3:]
         flat = powers[:, :3] @ np.linalg.lstsq(powers[:, :3], height, rcond=None)[0]
@@ -132,8 +132,8 @@ def find_table(scan: FloatArray, rows: IntArray) -> Table | None:
     if len(rows) < 2 * MIN_POINTS:
         return None
     some = scan[rows[thinned(len(rows), -(-len(rows) // MAX_POINTS))]]
-    bed = _largest_plane(some)
-    if bed is None:
+    plane = _largest_plane(some)
+    if plane is None:
         return None
     cloud = OrientedCloud.of(some)
     try:
@@ -142,16 +142,16 @@ def find_table(scan: FloatArray, rows: IntArray) -> Table | None:
         return None
     spacing *= float(np.sqrt(len(some) / len(rows)))
     near = max(DEVIATIONS * noise, SPACINGS * spacing)
-    for tolerance in (LOOSE * bed.size + near, LOOSE * bed.size / 2 + near, near, near):
-        bed = bed.fitted(some, tolerance)
-    place, height = bed.local(some)
+    for tolerance in (LOOSE * plane.size + near, LOOSE * plane.size / 2 + near, near, near):
+        plane = plane.fitted(some, tolerance)
+    place, height = plane.local(some)
     own = place[np.abs(height) <= near]
-    if len(own) < MIN_SHARE * len(some) or MAX_BEND * _width(own) < bed.bend(own):
+    if len(own) < MIN_SHARE * len(some) or MAX_BEND * _width(own) < plane.bend(own):
         return None
-    return _with_what_rises(scan, rows, bed, near, spacing)
+    return _with_what_rises(scan, rows, plane, near, spacing)
 
 
-def _largest_plane(points: FloatArray) -> _Bed | None:
+def _largest_plane(points: FloatArray) -> _BowedPlane | None:
     """Return the plane that most points (n, 3) are near, by trial, or None if it holds too few."""
     sample = points[thinned(len(points), -(-len(points) // SAMPLE))]
     size = float(np.ptp(points, axis=0).max())
@@ -163,12 +163,12 @@ def _largest_plane(points: FloatArray) -> _Bed | None:
     if held[:, best].mean() < MIN_SHARE:
         return None
     origin = sample[held[:, best]].mean(axis=0)
-    return _Bed(origin, np.linalg.svd(sample[held[:, best]] - origin, full_matrices=False)[2], size)
+    return _BowedPlane(origin, np.linalg.svd(sample[held[:, best]] - origin, full_matrices=False)[2], size)
 
 
-def _with_what_rises(scan: FloatArray, rows: IntArray, bed: _Bed, near: float, spacing: float) -> Table | None:
-    """Return the table whose bed is known, and what of a scan's points in some rows rises from it, or None."""
-    place, height = bed.local(scan)
+def _with_what_rises(scan: FloatArray, rows: IntArray, plane: _BowedPlane, near: float, spacing: float) -> Table | None:
+    """Return the table in a plane, and what of a scan's points in some rows rises from it, or None."""
+    place, height = plane.local(scan)
     on = np.abs(height) <= near
     groups = groups_of(scan, rows, LINK * spacing)
     main = max(groups, key=lambda group: int(on[group].sum()))
