@@ -16,8 +16,8 @@ from o3dleaf.core.field import Field, values_and_gradients
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.newton import project_to_level
 from o3dleaf.core.trees import query
-from o3dleaf.surface.isosurface.band import Band
-from o3dleaf.surface.isosurface.band_surface import draw_band
+from o3dleaf.surface.isosurface.band.band import Band
+from o3dleaf.surface.isosurface.band.band_surface import draw_band
 from o3dleaf.surface.isosurface.octree.dual_surface import draw_dual
 from o3dleaf.surface.isosurface.octree.octree_band import OctreeBand
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.compiled.decorator import njit
-from o3dleaf.surface.isosurface.band_loops import vertex_at
+from o3dleaf.surface.isosurface.band.band_loops import vertex_at
 from o3dleaf.surface.isosurface.cell_loops import CUBE_EDGES, LOOPS, MAX_TRIANGLES, cut_loop
 
 

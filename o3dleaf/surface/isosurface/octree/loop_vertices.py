@@ -9,8 +9,8 @@ from o3dleaf.core.field import Field, values_and_gradients
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.newton import euclidean
 from o3dleaf.core.parallel import blocks, run_blocks
-from o3dleaf.surface.isosurface.band import BATCH_SIZE, BLOCK
-from o3dleaf.surface.isosurface.band_surface import unit_gradients
+from o3dleaf.surface.isosurface.band.band import BATCH_SIZE, BLOCK
+from o3dleaf.surface.isosurface.band.band_surface import unit_gradients
 from o3dleaf.surface.isosurface.crease_edge_loops import TangentPlanes
 from o3dleaf.surface.isosurface.crease_edges import MAX_OUTSIDE, MIN_COSINE, meet_planes
 from o3dleaf.surface.isosurface.octree import tracing_loops

@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import run_blocks
-from o3dleaf.surface.isosurface.band import BLOCK, distinct
-from o3dleaf.surface.isosurface.band_loops import encode, fill_table
+from o3dleaf.surface.isosurface.band.band import BLOCK, distinct
+from o3dleaf.surface.isosurface.band.morton_loops import encode, fill_table
 from o3dleaf.surface.isosurface.octree import octree_loops as loops
 from o3dleaf.surface.isosurface.octree.octree_loops import SplitCells
 

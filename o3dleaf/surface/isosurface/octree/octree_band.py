@@ -10,8 +10,8 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import run_blocks
-from o3dleaf.surface.isosurface.band import BLOCK, Band, distinct
-from o3dleaf.surface.isosurface.band_loops import BITS
+from o3dleaf.surface.isosurface.band.band import BLOCK, Band, distinct
+from o3dleaf.surface.isosurface.band.morton_loops import BITS
 from o3dleaf.surface.isosurface.octree import octree_loops as loops
 from o3dleaf.surface.isosurface.octree.octree import Octree, OctreeLeaves
 from o3dleaf.surface.isosurface.octree.traced import TracedLoops

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.compiled.decorator import njit
-from o3dleaf.surface.isosurface.band_loops import ALONG, coordinate, find_place
+from o3dleaf.surface.isosurface.band.morton_loops import ALONG, coordinate, find_place
 
 NODES = 27
 CORNERS = np.array([0, 2, 6, 8, 18, 20, 24, 26])

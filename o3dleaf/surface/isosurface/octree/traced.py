@@ -8,8 +8,8 @@ import numpy as np
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import run_blocks
-from o3dleaf.surface.isosurface.band import BLOCK, Band
-from o3dleaf.surface.isosurface.band_surface import Ends, end_on_box
+from o3dleaf.surface.isosurface.band.band import BLOCK, Band
+from o3dleaf.surface.isosurface.band.band_surface import Ends, end_on_box
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
 from o3dleaf.surface.isosurface.octree import tracing_loops
 from o3dleaf.surface.isosurface.octree.octree import OctreeLeaves

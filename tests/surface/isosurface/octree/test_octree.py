@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from o3dleaf.surface.isosurface.band_loops import encode
+from o3dleaf.surface.isosurface.band.morton_loops import encode
 from o3dleaf.surface.isosurface.octree.octree import Octree
 from o3dleaf.surface.isosurface.octree.octree_loops import decode
 

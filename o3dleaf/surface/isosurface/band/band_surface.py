@@ -12,10 +12,10 @@ from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.places import tell_middle
-from o3dleaf.surface.isosurface import band_loops as loops
 from o3dleaf.surface.isosurface import crease_edge_loops
-from o3dleaf.surface.isosurface.band import BATCH_SIZE, BLOCK, Band, Crossing
-from o3dleaf.surface.isosurface.band_loops import CrossedEdges
+from o3dleaf.surface.isosurface.band import band_loops as loops
+from o3dleaf.surface.isosurface.band.band import BATCH_SIZE, BLOCK, Band, Crossing
+from o3dleaf.surface.isosurface.band.band_loops import CrossedEdges
 from o3dleaf.surface.isosurface.cell_loops import COUNTS, CUBES
 from o3dleaf.surface.isosurface.crease_edge_loops import FirstRows, TangentPlanes
 from o3dleaf.surface.isosurface.crease_edges import MIN_COSINE, CreaseVertices, join_creases, meet_planes

@@ -17,8 +17,9 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import require_resources
-from o3dleaf.surface.isosurface import band_loops as loops
-from o3dleaf.surface.isosurface.band_loops import CrossedEdges, Numbering
+from o3dleaf.surface.isosurface.band import band_loops as loops
+from o3dleaf.surface.isosurface.band.band_loops import CrossedEdges, Numbering
+from o3dleaf.surface.isosurface.band.morton_loops import BITS, encode, fill_table, place_points
 
 CornerArray: TypeAlias = npt.NDArray[np.int32]
 CodeArray: TypeAlias = npt.NDArray[np.uint8]
@@ -53,7 +54,7 @@ class Crossing(NamedTuple):
 
 @dataclass
 class Band:
-    """The points and cells of a lattice that have been visited; `band_loops` says how they are stored.
+    """The points and cells of a lattice that have been visited; `morton_loops` says how they are stored.
 
     Attributes
     ----------
@@ -97,7 +98,7 @@ class Band:
     ) -> "Band":
         """Return an empty band whose keys reach far beyond the points; the same for most clouds, as is their order."""
         low, high = box_of(points) / step
-        quarter = 1 << loops.BITS - 2
+        quarter = 1 << BITS - 2
         if np.any(high - low > quarter):
             raise InputError(
                 f"spacing: the seeds extend over {(high - low).max():.2g} cells; coarsen it or crop the cloud"
@@ -110,18 +111,18 @@ class Band:
     @property
     def base(self) -> FloatArray:
         """(3,) the lattice point with key 0."""
-        return (self.center - (1 << loops.BITS - 1)).astype(np.float64)
+        return (self.center - (1 << BITS - 1)).astype(np.float64)
 
     def cells_of(self, points: FloatArray) -> IntArray:
         """Return the rising keys of the cells that contain points; those too far away to be named are left out."""
         indices = np.floor(points / self.step) - self.base
-        near = ((indices >= 1) & (indices < (1 << loops.BITS) - 2)).all(axis=1)
+        near = ((indices >= 1) & (indices < (1 << BITS) - 2)).all(axis=1)
         return distinct(self.keys_of(points[near]))
 
     def keys_of(self, points: FloatArray) -> IntArray:
         """Return the keys (n,) of the lattice points at or below points (n, 3)."""
         keys = np.empty(len(points), dtype=np.int64)
-        loops.encode((np.floor(points / self.step) - self.base).astype(np.int64), keys)
+        encode((np.floor(points / self.step) - self.base).astype(np.int64), keys)
         return keys
 
     def widths_at(self, points: FloatArray) -> FloatArray:
@@ -172,7 +173,7 @@ class Band:
     def positions(self, keys: IntArray, shift: float = 0.0) -> FloatArray:
         """Return the (n, 3) positions of lattice points, a share of a cell beyond them along all axes."""
         points, beyond = np.empty((len(keys), 3)), np.full(3, shift)
-        run_blocks(lambda i, j: loops.place_points(i, j, keys, beyond, self.base, self.step, points), len(keys), BLOCK)
+        run_blocks(lambda i, j: place_points(i, j, keys, beyond, self.base, self.step, points), len(keys), BLOCK)
         return points
 
     def advance(self, cells: IntArray) -> IntArray:
@@ -220,7 +221,7 @@ class Band:
             np.concatenate([array, np.zeros_like(array)]) for array in (self.keys, self.values, self.known)
         )
         self.table = np.full(2 * room, -1, dtype=np.int32)
-        loops.fill_table(self.table, self.keys, self.count)
+        fill_table(self.table, self.keys, self.count)
 
     @property
     def is_empty(self) -> bool:
