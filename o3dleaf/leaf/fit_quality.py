@@ -11,7 +11,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.trees import query
-from o3dleaf.core.units import measure_in_words
+from o3dleaf.core.units import measure_in_words, tell_share
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.blade.distortion import range_of
 from o3dleaf.leaf.blade.outline_area import places_inside
@@ -212,12 +212,12 @@ class FitQuality:
         lines = []
         if self.repeated > MAX_REPEATED:
             lines.append(
-                f"{_percent(self.repeated)} of the points repeat others of the scan: each counts once; is it merged "
+                f"{tell_share(self.repeated)} of the points repeat others of the scan: each counts once; is it merged "
                 "with itself, or written twice?"
             )
         if self.far > MAX_FAR:
             lines.append(
-                f"{_percent(self.far)} of the points lie more than {self._length(self.limit)} off the blade, "
+                f"{tell_share(self.far)} of the points lie more than {self._length(self.limit)} off the blade, "
                 f"{tell_places(self.far_places)}"
             )
         if self.shared > MIN_FAR * self.spacing:
@@ -229,19 +229,19 @@ class FitQuality:
             lines.append(tell_lost_relief(self.lost, self._area(self.lost.share * self.area[0])))
         if self.outside > MAX_OUTSIDE:
             lines.append(
-                f"{_percent(self.outside)} of the points lie beside the blade, outside its margin, "
+                f"{tell_share(self.outside)} of the points lie beside the blade, outside its margin, "
                 f"{tell_places(self.outside_places)}"
             )
         if self.gaps > MAX_GAPS:
             lines.append(
-                f"{_percent(self.gaps)} of the blade is farther than {self._length(GAP * self.spacing)} from every "
+                f"{tell_share(self.gaps)} of the blade is farther than {self._length(GAP * self.spacing)} from every "
                 f"point, {tell_places(self.gap_places)}"
             )
         lines += self.bent.warnings
         if self.area_deviation > MAX_DEVIATION * self.area[0]:
             lines.append(
-                f"the area is known to {_percent(self.area_deviation / self.area[0])} only (one standard deviation, of "
-                "points that lie at random): the scan has few points"
+                f"the area is known to {tell_share(self.area_deviation / self.area[0])} only (one standard deviation, "
+                "of points that lie at random): the scan has few points"
             )
         if self.stretch[0] < 1 - STRETCH or self.stretch[1] > 1 + STRETCH:
             lines.append(
@@ -260,7 +260,7 @@ class FitQuality:
         holes = f"{len(self.holes) - filled} holes kept, {filled} filled"
         return [
             f"residuals: {residuals}; noise {self._length(self.noise)}",
-            f"blade: {world}, {flat} laid flat; {_percent(self.coverage)} covered by the scan; {holes}",
+            f"blade: {world}, {flat} laid flat; {tell_share(self.coverage)} covered by the scan; {holes}",
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -318,10 +318,6 @@ def _holes(blade: Blade) -> tuple[dict[str, Any], ...]:
 
 def _listed(places: tuple[Place, ...]) -> list[dict[str, Any]]:
     return [place.to_dict() for place in places]
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.4g} %"
 
 
 def _span(pair: tuple[float, float]) -> str:
