@@ -21,6 +21,7 @@ from o3dleaf.leaf.residuals.lost_relief import LostRelief, find_lost_relief, tel
 from o3dleaf.leaf.residuals.noise import local_noise, shared_residual
 from o3dleaf.leaf.residuals.off_blade import find_feet, find_outside, measure_spacing, points_on, rows_of_piece
 from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
+from o3dleaf.leaf.residuals.rounding import Rounding, find_rounding
 from o3dleaf.surface.cloud.usable_points import MIN_POINTS, usable_rows
 
 FAR = 3.0
@@ -70,6 +71,8 @@ class FitQuality:
     repeated : float
         Share of the points that repeat others, to a thousandth of the spacing: they say nothing new, and count in no
         other figure.
+    rounding : Rounding or None
+        The axis and the step that coordinates are rounded to, in `unit`, where that makes terraces of the scan.
     noise, spacing, limit : float
         Standard deviation of the points about the blade, from what neighbors differ by; 1/√(points per area), the
         median over the blade; and `FAR` noise deviations, at least `MIN_FAR` spacings; in `unit`.
@@ -107,6 +110,7 @@ class FitQuality:
     is_outside: BoolArray
     is_cut: BoolArray
     repeated: float
+    rounding: Rounding | None
     noise: float
     spacing: float
     limit: float
@@ -175,6 +179,7 @@ class FitQuality:
             is_outside=is_outside,
             is_cut=is_cut,
             repeated=1 - len(once) / len(points),
+            rounding=find_rounding(points[once]),
             noise=noise,
             spacing=spacing,
             limit=limit,
@@ -214,6 +219,12 @@ class FitQuality:
             lines.append(
                 f"{tell_share(self.repeated)} of the points repeat others of the scan: each counts once; is it merged "
                 "with itself, or written twice?"
+            )
+        if self.rounding is not None:
+            lines.append(
+                f"{'xyz'[self.rounding.axis]} is rounded to steps of {self._length(self.rounding.step)}, where points "
+                f"are {self._length(self.spacing)} apart: the blade has terraces, or comes apart between them; give "
+                "the scan with more digits, or averaged in voxels of twice the step (voxel_down_sample)"
             )
         if self.far > MAX_FAR:
             lines.append(
@@ -270,6 +281,7 @@ class FitQuality:
             "points": len(self.plane),
             **({"others": self.others} if self.others else {}),
             "repeated": self.repeated,
+            **({"rounding": self.rounding._asdict()} if self.rounding else {}),
             "noise": self.noise,
             "spacing": self.spacing,
             "shared": self.shared,
