@@ -115,12 +115,21 @@ def lengths_in(unit: str | None) -> Iterator[None]:
         _of_messages.reset(token)
 
 
+NEARLY_WHOLE = 0.995
+"""Share that two digits would round to the whole."""
+
 _of_messages: ContextVar[str | None] = ContextVar("o3dleaf.unit", default=None)
 
 
 def tell_length(value: float | Sequence[float], power: int = 1, *, digits: int = 3, join: str = ", ") -> str:
     """Return what `measure_in_words` says of a length, or of an area, in the unit that `lengths_in` states."""
     return measure_in_words(value, _of_messages.get(), power=power, digits=digits, join=join)
+
+
+def tell_share(share: float) -> str:
+    """Return a share in percent, with two significant digits and no exponent; next to the whole with four."""
+    percent = 100 * share
+    return f"{_plain(percent, _places(abs(percent), 4 if NEARLY_WHOLE <= share < 1 else 2))} %"
 
 
 def _readable_unit(size: float, unit: str, power: int) -> str:

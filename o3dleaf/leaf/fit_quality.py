@@ -11,7 +11,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.trees import query
-from o3dleaf.core.units import measure_in_words
+from o3dleaf.core.units import measure_in_words, tell_share
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.blade.distortion import range_of
 from o3dleaf.leaf.blade.outline_area import places_inside
@@ -21,6 +21,7 @@ from o3dleaf.leaf.residuals.lost_relief import LostRelief, find_lost_relief, tel
 from o3dleaf.leaf.residuals.noise import local_noise, shared_residual
 from o3dleaf.leaf.residuals.off_blade import find_feet, find_outside, measure_spacing, points_on, rows_of_piece
 from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
+from o3dleaf.leaf.residuals.rounding import Rounding, find_rounding
 from o3dleaf.surface.cloud.usable_points import MIN_POINTS, usable_rows
 
 FAR = 3.0
@@ -70,6 +71,8 @@ class FitQuality:
     repeated : float
         Share of the points that repeat others, to a thousandth of the spacing: they say nothing new, and count in no
         other figure.
+    rounding : Rounding or None
+        The axis and the step that coordinates are rounded to, in `unit`, where that makes terraces of the scan.
     noise, spacing, limit : float
         Standard deviation of the points about the blade, from what neighbors differ by; 1/√(points per area), the
         median over the blade; and `FAR` noise deviations, at least `MIN_FAR` spacings; in `unit`.
@@ -107,6 +110,7 @@ class FitQuality:
     is_outside: BoolArray
     is_cut: BoolArray
     repeated: float
+    rounding: Rounding | None
     noise: float
     spacing: float
     limit: float
@@ -175,6 +179,7 @@ class FitQuality:
             is_outside=is_outside,
             is_cut=is_cut,
             repeated=1 - len(once) / len(points),
+            rounding=find_rounding(points[once]),
             noise=noise,
             spacing=spacing,
             limit=limit,
@@ -212,12 +217,18 @@ class FitQuality:
         lines = []
         if self.repeated > MAX_REPEATED:
             lines.append(
-                f"{_percent(self.repeated)} of the points repeat others of the scan: each counts once; is it merged "
+                f"{tell_share(self.repeated)} of the points repeat others of the scan: each counts once; is it merged "
                 "with itself, or written twice?"
+            )
+        if self.rounding is not None:
+            lines.append(
+                f"{'xyz'[self.rounding.axis]} is rounded to steps of {self._length(self.rounding.step)}, where points "
+                f"are {self._length(self.spacing)} apart: the blade has terraces, or comes apart between them; give "
+                "the scan with more digits, or averaged in voxels of twice the step (voxel_down_sample)"
             )
         if self.far > MAX_FAR:
             lines.append(
-                f"{_percent(self.far)} of the points lie more than {self._length(self.limit)} off the blade, "
+                f"{tell_share(self.far)} of the points lie more than {self._length(self.limit)} off the blade, "
                 f"{tell_places(self.far_places)}"
             )
         if self.shared > MIN_FAR * self.spacing:
@@ -229,19 +240,19 @@ class FitQuality:
             lines.append(tell_lost_relief(self.lost, self._area(self.lost.share * self.area[0])))
         if self.outside > MAX_OUTSIDE:
             lines.append(
-                f"{_percent(self.outside)} of the points lie beside the blade, outside its margin, "
+                f"{tell_share(self.outside)} of the points lie beside the blade, outside its margin, "
                 f"{tell_places(self.outside_places)}"
             )
         if self.gaps > MAX_GAPS:
             lines.append(
-                f"{_percent(self.gaps)} of the blade is farther than {self._length(GAP * self.spacing)} from every "
+                f"{tell_share(self.gaps)} of the blade is farther than {self._length(GAP * self.spacing)} from every "
                 f"point, {tell_places(self.gap_places)}"
             )
         lines += self.bent.warnings
         if self.area_deviation > MAX_DEVIATION * self.area[0]:
             lines.append(
-                f"the area is known to {_percent(self.area_deviation / self.area[0])} only (one standard deviation, of "
-                "points that lie at random): the scan has few points"
+                f"the area is known to {tell_share(self.area_deviation / self.area[0])} only (one standard deviation, "
+                "of points that lie at random): the scan has few points"
             )
         if self.stretch[0] < 1 - STRETCH or self.stretch[1] > 1 + STRETCH:
             lines.append(
@@ -260,7 +271,7 @@ class FitQuality:
         holes = f"{len(self.holes) - filled} holes kept, {filled} filled"
         return [
             f"residuals: {residuals}; noise {self._length(self.noise)}",
-            f"blade: {world}, {flat} laid flat; {_percent(self.coverage)} covered by the scan; {holes}",
+            f"blade: {world}, {flat} laid flat; {tell_share(self.coverage)} covered by the scan; {holes}",
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -270,6 +281,7 @@ class FitQuality:
             "points": len(self.plane),
             **({"others": self.others} if self.others else {}),
             "repeated": self.repeated,
+            **({"rounding": self.rounding._asdict()} if self.rounding else {}),
             "noise": self.noise,
             "spacing": self.spacing,
             "shared": self.shared,
@@ -318,10 +330,6 @@ def _holes(blade: Blade) -> tuple[dict[str, Any], ...]:
 
 def _listed(places: tuple[Place, ...]) -> list[dict[str, Any]]:
     return [place.to_dict() for place in places]
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.4g} %"
 
 
 def _span(pair: tuple[float, float]) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray
-from o3dleaf.core.units import measure_in_words
+from o3dleaf.core.units import measure_in_words, tell_share
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.blade.outline_area import places_inside
 from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
@@ -61,7 +61,7 @@ class Folds:
         radius = measure_in_words(self.radius, self.unit)
         told = (
             f"the blade bends more tightly than the micro-structure is high, down to a radius of {radius}, on "
-            f"{100 * self.share:.2g} % of it, {tell_places(self.places)}: triangles of the leaf's surface cross there; "
+            f"{tell_share(self.share)} of it, {tell_places(self.places)}: triangles of the leaf's surface cross there; "
             "cut the scan there, or smooth it more"
         )
         return [told]

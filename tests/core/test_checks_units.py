@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from o3dleaf.core.checks import attributes, coordinates, files, scalars
 from o3dleaf.core.errors import InputError, O3DLeafError, UnitError
-from o3dleaf.core.units import METERS, check_unit, lengths_in, measure_in_words, tell_length, unit_scale
+from o3dleaf.core.units import METERS, check_unit, lengths_in, measure_in_words, tell_length, tell_share, unit_scale
 
 
 @pytest.mark.parametrize(
@@ -172,6 +172,20 @@ def test_units_never_mix_in_silence():
             unit_scale(*pair)
     with pytest.raises(UnitError, match=r"unknown 'inch'; choose one of m, cm, mm, um, nm \(an inch is 25.4 mm"):
         check_unit("inch")
+
+
+@given(st.floats(1e-9, 10))
+def test_a_share_in_words_is_the_share_to_two_digits_without_an_exponent(share):
+    number, sign = tell_share(share).split(" ")
+    assert sign == "%"
+    assert "e" not in number
+    assert float(number.replace(",", "")) / 100 == pytest.approx(share, rel=0.05 + 1e-9)
+
+
+def test_only_the_whole_is_a_hundred_percent():
+    assert tell_share(1.0) == "100 %"
+    assert tell_share(0.9996) == "99.96 %"
+    assert tell_share(0.0) == "0 %"
 
 
 @given(st.floats(1e-6, 1e7), st.sampled_from(sorted(METERS)), st.sampled_from([1, 2, 3]))

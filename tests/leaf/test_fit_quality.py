@@ -14,6 +14,7 @@ from o3dleaf.leaf.fit_quality import FAR, MAX_OUTSIDE, MIN_FAR, FitQuality
 from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.pipeline import create_blade
 from o3dleaf.leaf.residuals.bent_margin import MAX_BENT, find_bent_margin
+from o3dleaf.leaf.residuals.rounding import find_rounding
 from o3dleaf.leaf.saved.models import load
 from o3dleaf.samples import leaf_shape, scan_leaf
 from tolerances import (
@@ -161,6 +162,46 @@ def test_points_that_are_there_twice_change_no_figure(scale, share):
     assert "repeat others" in told
     for name in set(one) - {"points", "repeated", "warnings"}:
         assert other[name] == one[name]
+
+
+def bowed(*, lattice=False):
+    """Return points of a sheet that rises by up to a quarter, a spacing of 1 apart, random or on a lattice."""
+    x, y = np.random.default_rng(3).uniform(0, 60, (2, 3600))
+    if lattice:
+        x, y = (each.ravel() for each in np.meshgrid(np.arange(60.0), np.arange(60.0)))
+    return np.column_stack([x, y, (x - 30) ** 2 / 240])
+
+
+@pytest.mark.parametrize("step", [1.0, 1.5, 2.0])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_coordinates_in_terraces_are_told_with_their_axis_and_step(step, axis, dtype):
+    points = np.roll(bowed(), axis - 2, axis=1)
+    points[:, axis] = step * np.round(points[:, axis] / step)
+    points = points[points[:, axis] != step]  # a level that a gap of the scan hides
+    found = find_rounding((1e-3 * points).astype(dtype).astype(np.float64))
+    assert found.axis == axis
+    assert found.step == pytest.approx(1e-3 * step, rel=1e-5)
+
+
+def test_what_is_no_terrace_is_none():
+    """Fine steps; the lattice of a camera; lines of a scanner, or slices; pressed leaves, on a table, on steps."""
+    fine, lines = bowed(), bowed()
+    fine[:, 2] = 0.3 * np.round(fine[:, 2] / 0.3)
+    lines[:, 1] = 8 * np.round(lines[:, 1] / 8)
+    flat = bowed() * [1, 1, 0]
+    steps = np.concatenate([flat + [0, 0, z] for z in (0, 5, 9.3, 17.1)])
+    for points in (bowed(), fine, bowed(lattice=True), lines, flat, np.concatenate([flat, flat + [0, 0, 5]]), steps):
+        assert find_rounding(points) is None
+
+
+def test_terraces_are_told_in_the_read_out():
+    points = BLADE.scan(2 * SPACING, 0.2)[0]
+    points[:, 2] = 3 * SPACING * np.round(points[:, 2] / (3 * SPACING))
+    quality = FitQuality.of(BLADE, points)
+    (told,) = (line for line in quality.warnings if "rounded" in line)
+    assert told.startswith(f"z is rounded to steps of {3 * SPACING:g} mm")
+    assert quality.to_dict()["rounding"] == {"axis": 2, "step": pytest.approx(3 * SPACING)}
 
 
 @pytest.mark.parametrize(("kind", "spacing"), [("lobed", 1.1), ("petiole", 1.0)])

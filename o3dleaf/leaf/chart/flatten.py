@@ -8,6 +8,7 @@ from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices, mesh_arrays, triangle_areas
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.core.places import tell_place
+from o3dleaf.core.units import tell_share
 from o3dleaf.leaf.chart.carry import carry
 from o3dleaf.leaf.chart.flattening.embedding import conformal_chart, convex_chart, relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.one_layer import relax_in_one_layer
@@ -35,7 +36,7 @@ which layer is the leaf."""
 def overlap_error(overlap: Overlap, vertices: FloatArray, triangles: IntArray) -> ReconstructionError:
     """Return the refusal of a sheet that lies over itself when laid flat."""
     return ReconstructionError(
-        f"chart: laid flat, the sheet lies over itself on {100 * overlap.share:.2g} % of its area, most at "
+        f"chart: laid flat, the sheet lies over itself on {tell_share(overlap.share)} of its area, most at "
         f"{_place(vertices, triangles, overlap.worst)}, as a leaf that winds round does; cut the scan there",
         vertices[triangles[np.unique(overlap.pairs)]].mean(axis=1),
     )
@@ -157,7 +158,7 @@ def require_low_distortion(
     if share > most:
         vertices = vertices if sheet is None else sheet
         raise ReconstructionError(
-            f"chart: {100 * share:.2g} % of the sheet would be stretched below {WORST[0]:g} or above {WORST[1]:g} when "
+            f"chart: {tell_share(share)} of the sheet would be stretched below {WORST[0]:g} or above {WORST[1]:g} when "
             f"laid flat, most at {_place(vertices, triangles, int(np.argmax(weight)))}: {why}",
             vertices[triangles[weight > 0]].mean(axis=1),
         )

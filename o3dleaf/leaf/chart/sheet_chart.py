@@ -9,6 +9,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.core.places import tell_place
+from o3dleaf.core.units import tell_share
 from o3dleaf.leaf.chart.carry import carry
 from o3dleaf.leaf.chart.flatten import LARGEST_FLAP, OVERLAP, lay_flat, overlap_error
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
@@ -135,4 +136,4 @@ def _single_layer(vertices: FloatArray, triangles: IntArray, flat: FloatArray) -
         return kept, "single triangles that lay over others were left out of the chart"
     middle = area[~kept] @ vertices[triangles[~kept]].mean(axis=1) / area[~kept].sum()
     about = tell_place(middle, vertices)
-    return kept, f"{100 * share:.2g} % of the sheet was cut off about {about}: laid flat, it lies over the rest"
+    return kept, f"{tell_share(share)} of the sheet was cut off about {about}: laid flat, it lies over the rest"

@@ -6,4 +6,5 @@
 `bent_margin` strips along the margin that bend off the blade
 `known_area`  how well the area of a blade is known from a random scan of it
 `lost_relief` the area that a blade lacks as it smooths relief away
+`rounding`    coordinates rounded so coarsely that a scan has terraces
 """

@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.units import tell_share
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.residuals.off_blade import points_on
 from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
@@ -36,7 +37,7 @@ class BentMargin(NamedTuple):
         """A line on how much bends off and where, if that is more than of leaves."""
         if self.length <= MAX_BENT:
             return []
-        how = f"{100 * self.length:.0f} % of the margin a strip, {100 * self.area:.2g} % of the area in all"
+        how = f"{100 * self.length:.0f} % of the margin a strip, {tell_share(self.area)} of the area in all"
         why = "margins rolled tightly, or points that a scanner sees between an edge and what is behind it"
         bend = f"{np.degrees(MIN_BEND):.0f}°"
         where = tell_places(self.places)

@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_share
 from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
 
 WINDOW = 64
@@ -114,7 +115,7 @@ def tell_lost_relief(lost: LostRelief, area: str) -> str:
     """Return the line that says how much is lacking, given in words as well, and where."""
     where = f"most on {tell_places(lost.places)}" if len(lost.places) > 1 else tell_places(lost.places)
     return (
-        f"the blade lacks about {100 * lost.share:.2g} % of its area, {area}, "
+        f"the blade lacks about {tell_share(lost.share)} of its area, {area}, "
         f"{where if lost.places else 'all over it'}: relief too fine for it to follow, as of veins and ruffles, or "
         "noise that neighbors have in common"
     )

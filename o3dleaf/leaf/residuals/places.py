@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.core.units import tell_share
 
 JOINED = 4.0
 """Spacings between points of one place."""
@@ -71,7 +72,7 @@ def tell_places(places: tuple[Place, ...]) -> str:
         return "scattered"
     if len(places) == 1:
         return f"most at {places[0]}"
-    return ", ".join(f"{100 * place.share:.2g} % at {place}" for place in places)
+    return ", ".join(f"{tell_share(place.share)} at {place}" for place in places)
 
 
 def _middle(members: FloatArray, decimals: int) -> tuple[float, ...]:

@@ -12,7 +12,7 @@ from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.journal import open_journal
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.parallel import get_num_threads, run_together
-from o3dleaf.core.units import measure_in_words
+from o3dleaf.core.units import measure_in_words, tell_share
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.fit_quality import FitQuality
@@ -127,7 +127,7 @@ def _add_area(table: dict[str, Any], fit: FitQuality, mesh_area: float) -> None:
     if abs(more) > MAX_AREA:
         areas = " and ".join(measure_in_words(area, fit.unit, power=2) for area in (mesh_area, fit.area[0]))
         table["warnings"].append(
-            f"the mesh has {100 * abs(more):.2g} % {'more' if more > 0 else 'less'} area than the blade, {areas}; "
+            f"the mesh has {tell_share(abs(more))} {'more' if more > 0 else 'less'} area than the blade, {areas}; "
             "give a finer spacing"
         )
 

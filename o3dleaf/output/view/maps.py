@@ -20,7 +20,7 @@ from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.trees import query
-from o3dleaf.core.units import measure_in_words
+from o3dleaf.core.units import measure_in_words, tell_share
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.blade.distortion import Distortion
 from o3dleaf.leaf.fit_quality import FAR, GAP, FitQuality
@@ -181,9 +181,9 @@ def render_residuals(
     scalars = Scalars(values, label, colors, limits) if not in_gap.all() else None
     subject = Inset(things, view=view or View(tilt=0.0 if flat else 20.0), scalars=scalars, unit=blade.unit)
     page = draw_page(subject, size=size, title="\n".join(["", *held.lines(), *held.warnings]))
-    page.key(BLUE, "o", f"{100 * held.far:.2g} % off", 0.29)
-    page.key(VIOLET, "o", f"{100 * held.outside:.2g} % beside", 0.42)
-    page.key(GREY, "s", f"{100 * held.gaps:.2g} % in gaps", 0.57)
+    page.key(BLUE, "o", f"{tell_share(held.far)} off", 0.29)
+    page.key(VIOLET, "o", f"{tell_share(held.outside)} beside", 0.42)
+    page.key(GREY, "s", f"{tell_share(held.gaps)} in gaps", 0.57)
     return save_page(page, file)
 
 

@@ -48,10 +48,18 @@ SignArray = npt.NDArray[np.int8]
 
 
 class Repaired(NamedTuple):
-    """Normals (n, 3) of which some were turned, and the share of neighbors' normals that still oppose one another."""
+    """Normals (n, 3) of which some were turned, and the share of neighbors' normals that oppose one another.
+
+    Attributes
+    ----------
+    normals : (n, 3) ndarray
+    conflict, before : float
+        The share with those, and with the normals as they were given.
+    """
 
     normals: FloatArray
     conflict: float
+    before: float
 
 
 def repair_normals(points: FloatArray, normals: FloatArray, rows: IndexArray) -> Repaired:
@@ -68,6 +76,7 @@ def repair_normals(points: FloatArray, normals: FloatArray, rows: IndexArray) ->
     """
     sign = np.ones(len(points))
     counts = _agreements(points, normals, rows)
+    before = _opposed(counts)
     for _ in range(ROUNDS):
         total = counts.sum(axis=1)
         wrong = (counts[:, 1] >= MAJORITY * total) & (total >= QUORUM)
@@ -79,8 +88,13 @@ def repair_normals(points: FloatArray, normals: FloatArray, rows: IndexArray) ->
     if len(isolated):
         sign[isolated] *= -1
         counts = _agreements(points, sign[:, np.newaxis] * normals, rows)
+    return Repaired(sign[:, np.newaxis] * normals, _opposed(counts), before)
+
+
+def _opposed(counts: IndexArray) -> float:
+    """Return the share of neighbors that oppose, of counts (n, 2) of those that agree and oppose."""
     agreeing, opposed = counts.sum(axis=0)
-    return Repaired(sign[:, np.newaxis] * normals, float(opposed / max(agreeing + opposed, 1)))
+    return float(opposed / max(agreeing + opposed, 1))
 
 
 def plane_normals(points: FloatArray, normals: FloatArray, rows: IndexArray, noise: float) -> FloatArray:

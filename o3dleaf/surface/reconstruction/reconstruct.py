@@ -21,7 +21,7 @@ from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import Need, in_words, need_of
 from o3dleaf.core.resume.blocks import keeping_blocks, kept
-from o3dleaf.core.units import measure_in_words
+from o3dleaf.core.units import measure_in_words, tell_share
 from o3dleaf.fitting.local.fitter import Fitter
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.constraints import offset_constraints
@@ -253,7 +253,7 @@ def _trimmed(
         decisions.append(decision) if surprising else journal.note(decision)
     if inverted > INVERTED:
         decisions.append(
-            f"{100 * inverted:.2g} % of the surface faces away from all data near it: it joins sheets that face "
+            f"{tell_share(inverted)} of the surface faces away from all data near it: it joins sheets that face "
             "the same way and lie close together, such as two scans of one sheet that do not fit"
         )
     return mesh, decisions + doubtful

@@ -359,3 +359,28 @@ def test_wrong_normals_on_thin_fins_are_turned():
     cloud = preprocess_point_cloud(points, normals=np.where(wrong[:, np.newaxis], -normals, normals))
     truth = solid.closest(cloud.points).normals
     assert (np.einsum("ij,ij->i", cloud.normals, truth) < 0).sum() < 0.1 * wrong.sum()
+
+
+def turned_at_random(normals, share, seed=7):
+    wrong = np.random.default_rng(seed).random(len(normals)) < share
+    return np.where(wrong, -1, 1)[:, np.newaxis] * normals
+
+
+@pytest.mark.parametrize("shape", ["sphere", "torus"])
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.25, 0.4])
+def test_of_given_normals_that_were_turned_at_random_none_is_left_so(shape, share):
+    """Of a fifth some are the majority among their neighbors, which repair none there."""
+    points, normals = SHAPES[shape](2500)
+    assert right(preprocess_point_cloud(points, normals=turned_at_random(normals, share)).normals, normals) == 1
+
+
+@pytest.mark.parametrize("share", [0.2, 0.3])
+def test_open_sheets_face_as_most_of_their_given_normals_do_each_by_itself(share):
+    x, y = np.random.default_rng(5).random((2, 1500))
+    sheet = np.column_stack([x, y, 0.3 * x * x])
+    up = np.column_stack([-0.6 * x, 0 * x, np.ones_like(x)]) / np.sqrt(1 + 0.36 * x * x)[:, np.newaxis]
+    points, normals = np.vstack([sheet, sheet + [2, 0, 0]]), np.vstack([up, -up])
+    for side in (1, -1):
+        cloud = preprocess_point_cloud(points, normals=turned_at_random(side * normals, share))
+        assert right(cloud.normals, side * normals) == 1
+        assert "most of the given normals" in cloud.notes[-1]

@@ -21,7 +21,7 @@ from o3dleaf.surface.mesh.topology import EdgeTable, label_nodes
 LINK = 6.5
 """Spacings within which points are of one piece, the widest gap that a sheet's triangles join."""
 NEAR = 4.0
-"""Spacings from the sheet up to which a group of points is a layer over it, not a piece of its own."""
+"""Spacings from the sheet up to which half of a group's points are those of a layer over it, not a piece of its own."""
 TOUCHING = 2.0
 """Spacings from the sheet at which another one meets it."""
 FEWEST = 24
@@ -45,6 +45,8 @@ class Leftovers:
         Rows of each group.
     distance : tuple of float
         Of each group from the sheet, the least.
+    over : tuple of bool
+        Which groups are layers over the sheet, near it with half of their points.
     branch : tuple of (3,) ndarray or None
         Where each group meets the sheet, away from its rim.
     held : int
@@ -58,6 +60,7 @@ class Leftovers:
     scan: FloatArray
     groups: tuple[IntArray, ...]
     distance: tuple[float, ...]
+    over: tuple[bool, ...]
     branch: tuple[FloatArray | None, ...]
     held: IntArray
     spacing: float
@@ -78,23 +81,25 @@ class Leftovers:
         groups = groups_of(scan, rest, LINK * spacing)
         edges = EdgeTable.of(triangles)
         rim = cKDTree(vertices[np.unique(edges.ends[edges.count == 1])])
-        distance, branch = [], []
+        distance, over, branch = [], [], []
         for rows in groups:
             feet = nearest_on_mesh(vertices, triangles, scan[rows])
             far = np.linalg.norm(feet - scan[rows], axis=1)
             inner = np.where(rim.query(feet)[0] > NEAR * spacing, far, np.inf)
             distance.append(float(far.min()))
+            over.append(bool(np.median(far) <= NEAR * spacing))
             # What nowhere leaves the sheet lies over it, and meets it nowhere.
             meets = inner.min() <= TOUCHING * spacing and far.max() > NEAR * spacing and len(rows) >= FEWEST
             branch.append(feet[inner.argmin()] if meets else None)
         together = tuple(group for part in parts for group in groups_of(scan, part, LINK * spacing))
-        return cls(scan, groups, tuple(distance), tuple(branch), held, spacing, together)
+        return cls(scan, groups, tuple(distance), tuple(over), tuple(branch), held, spacing, together)
 
     @classmethod
     def apart(cls, scan: FloatArray, rows: IntArray, spacing: float) -> "Leftovers":
         """Group points of a scan that has no sheet: the largest group stands for it."""
         largest, *groups = groups_of(scan, rows, LINK * spacing)
-        return cls(scan, tuple(groups), (np.inf,) * len(groups), (None,) * len(groups), largest, spacing)
+        none = (False,) * len(groups)
+        return cls(scan, tuple(groups), (np.inf,) * len(groups), none, (None,) * len(groups), largest, spacing)
 
     def piece(self, number: int) -> IntArray:
         """Return the rows of the N-th piece, counted from 1: the sheet or its parts, and what is apart from them.
@@ -165,6 +170,7 @@ class Leftovers:
             self,
             groups=tuple(parts[i] for i in kept),
             distance=tuple(self.distance[i] for i in kept),
+            over=tuple(self.over[i] for i in kept),
             branch=tuple(self.branch[i] for i in kept),
             held=np.union1d(self.held, rows),
         )
@@ -172,14 +178,13 @@ class Leftovers:
     def tell(self) -> tuple[str, ...]:
         """Return a line for each of the largest groups, what it is, how large and where, and one for all others."""
         notes = []
-        near = [d <= NEAR * self.spacing for d in self.distance]
-        whole = 1 + sum(not n and len(rows) >= FEWEST for n, rows in zip(near, self.groups, strict=True))
+        whole = 1 + sum(not over and len(rows) >= FEWEST for over, rows in zip(self.over, self.groups, strict=True))
         if whole > 1:
-            notes.append(f"{whole} pieces; the largest is used: {self.name(self.held)}; `piece` takes another")
-        for rows, close, far, branch in list(zip(self.groups, near, self.distance, self.branch, strict=True))[:SHOWN]:
-            kind = "another layer" if close else "another piece"
-            how = f", {tell_length(far)} off the sheet" if close else f", {tell_length(far)} away"
-            taken = "; `piece` takes it instead" if close and len(rows) >= FEWEST else ""
+            notes.append(f"{whole} pieces; the largest sheet is used: {self.name(self.held)}; `piece` takes another")
+        for rows, over, far, branch in zip(self.groups[:SHOWN], self.over, self.distance, self.branch, strict=False):
+            kind = "another layer" if over else "another piece"
+            how = f", {tell_length(far)} off the sheet" if over else f", {tell_length(far)} away"
+            taken = "; `piece` takes it instead" if over and len(rows) >= FEWEST else ""
             notes.append(f"left out: {kind}, {self.name(rows)}{how}{taken}")
             if branch is not None:
                 notes.append(f"3 sheets meet at {tell_place(branch, self.scan)}")

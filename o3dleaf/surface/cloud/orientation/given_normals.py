@@ -1,6 +1,9 @@
 """Normals that came with a cloud: completed, and repaired where points and neighbors contradict them."""
 
 import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
@@ -16,8 +19,8 @@ from o3dleaf.surface.cloud.winding.closed import imbalance
 from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
 
 CONTRADICTED = 0.03
-"""Share of opposed neighbors from which on sides are found anew, unless what they enclose contradicts fewer: Homer,
-whose parts nearly touch, has 0.001."""
+"""Share of opposed neighbors from which on sides are found anew, unless what they enclose contradicts fewer, or what
+repaired ones do is no worse: Homer, whose parts nearly touch, has 0.001; of n % wrong normals, all over, it is 2 n."""
 AGREED = 0.7
 """Length of the mean of a group's unit normals from which on one that opposes it is wrong."""
 CLOSED = 0.01
@@ -28,6 +31,7 @@ SURE = 2.0
 thirteen of which share their errors, so that of n points it has about 1/sqrt(n)."""
 KEPT_NOTE = "normals contradict one another, but enclose a volume: they were kept"
 SPLIT_NOTE = "two sheets lie within the noise: normals were kept as they are"
+MAJORITY_NOTE = "the cloud encloses no volume: outside is where most of the given normals point, piece by piece"
 INWARD_NOTE = (
     "normals point into what the surface encloses, and were kept: it is open, as a room scanned from inside is"
 )
@@ -99,13 +103,14 @@ def check_normals(cloud: OrientedCloud, given: FloatArray, *, orient: bool) -> O
     notes = (f"{missing} normals were missing and were estimated",) if missing else ()
     if not orient:
         return Orientation(unit, notes)
-    repaired, conflict = repair_normals(points, unit, rows)
-    repaired = _with_the_whole(points, surfels.spacing, unit, _with_groups(surfels, repaired))
-    turned = int(np.sum(np.einsum("ij,ij->i", repaired, unit) < 0))
-    if conflict > CONTRADICTED:
+    found = repair_normals(points, unit, rows)
+    repaired = _with_the_whole(points, surfels.spacing, unit, _with_groups(surfels, found.normals))
+    if found.conflict > CONTRADICTED:
         unit, more, _ = _oriented_anew(points, unit, surfels)
+    elif found.conflict and found.before > CONTRADICTED:
+        unit, more, _ = _beyond_repair(cloud, unit, repaired)
     else:
-        unit, more = repaired, ((f"{turned} normals contradicted their neighbors and were flipped",) if turned else ())
+        unit, more, _ = _repaired(unit, repaired)
     if _point_inward(surfels, unit):
         closed = imbalance(unit, surfels.spacing) < max(CLOSED, SURE / np.sqrt(len(points)))
         unit = -unit if closed else unit
@@ -206,23 +211,63 @@ def _oriented_anew(points: FloatArray, unit: FloatArray, surfels: Surfels) -> Or
     number, slope = _winding(points, surfels.spacing, unit)
     if _contradicted(number, slope) <= CONTRADICTED:
         return Orientation(unit, (SPLIT_NOTE if _are_split(points, surfels, unit) else KEPT_NOTE,))
+    anew = _sides_anew(points, unit, surfels)
+    if anew.normals is unit or MAJORITY_NOTE in anew.notes:
+        return anew
+    before, after = (_error_of_sides(each) for each in (number, _winding(points, surfels.spacing, anew.normals)[0]))
+    return anew if after <= BETTER * before else Orientation(unit, (KEPT_NOTE,))
+
+
+def _repaired(unit: FloatArray, repaired: FloatArray) -> Orientation:
+    """Return the repaired normals (n, 3), and how many of those given were turned."""
+    turned = int(np.sum(np.einsum("ij,ij->i", repaired, unit) < 0))
+    return Orientation(repaired, (f"{turned} normals contradicted their neighbors and were flipped",) if turned else ())
+
+
+def _beyond_repair(cloud: OrientedCloud, unit: FloatArray, repaired: FloatArray) -> Orientation:
+    """Return the sides found anew or, where these do not enclose a volume better, repaired normals (n, 3).
+
+    Where many were wrong, they are the majority in places, and neighbors repair none there. On an open sheet, which
+    encloses nothing, those found anew are taken where fewer neighbors oppose one another.
+    """
+    points, rows, surfels = cloud.points, cloud.neighbors.row, cloud.surfels
+    anew = _sides_anew(points, unit, surfels)
+    if anew.normals is unit:
+        return _repaired(unit, repaired)
+    if MAJORITY_NOTE in anew.notes:
+        after, before = (repair_normals(points, each, rows).before for each in (anew.normals, repaired))
+    else:
+        after, before = (
+            _error_of_sides(_winding(points, surfels.spacing, each)[0]) for each in (anew.normals, repaired)
+        )
+    return anew if after < before else _repaired(unit, repaired)
+
+
+def _sides_anew(points: FloatArray, unit: FloatArray, surfels: Surfels) -> Orientation:
+    """Return unit normals (n, 3) on the sides that the points have without them, or as they are, with the reason."""
     try:
         outward, notes, cut = orient_surfels(points, surfels)
     except OrientationError as problem:
         return Orientation(unit, (f"normals contradict one another and were kept as they are ({problem})",))
     if cut is not None:
         return Orientation(unit, ("normals contradict one another along a line and were kept as they are",))
-    agreement = np.einsum("ij,ij->i", unit, outward)
-    turned = np.asarray(agreement < 0)
-    height = np.einsum("ij,ij->i", points - surfels.points[surfels.group], outward)
-    spread = float(np.std(height))
+    turned = np.asarray(np.einsum("ij,ij->i", unit, outward) < 0)
     if len(surfels.points) < len(points) and 0 < turned.sum() < len(points):
+        height = np.einsum("ij,ij->i", points - surfels.points[surfels.group], outward)
         apart = float(np.mean(height[~turned]) - np.mean(height[turned]))
-        if apart > SPLIT * spread:
+        if apart > SPLIT * float(np.std(height)):
             return Orientation(unit, (SPLIT_NOTE,))
+    if OPEN_NOTE in notes:
+        turned ^= _mostly(turned, surfels)
+        notes = tuple(MAJORITY_NOTE if note == OPEN_NOTE else note for note in notes)
     found = np.where(turned, -1.0, 1.0)[:, np.newaxis] * unit
-    if OPEN_NOTE not in notes:
-        before, after = (_error_of_sides(each) for each in (number, _winding(points, surfels.spacing, found)[0]))
-        if after > BETTER * before:
-            return Orientation(unit, (KEPT_NOTE,))
     return Orientation(found, (f"normals contradicted one another: {turned.sum()} of {len(unit)} were flipped", *notes))
+
+
+def _mostly(turned: npt.NDArray[np.bool_], surfels: Surfels) -> npt.NDArray[np.bool_]:
+    """Return for each point (n,) whether most points of its connected piece are turned."""
+    rows = surfels.rows
+    ends = np.repeat(np.arange(len(rows)), rows.shape[1]), rows.ravel()
+    graph = coo_array((np.ones(rows.size, np.int8), ends), shape=(len(rows), len(rows)))
+    piece = connected_components(graph, directed=False)[1][surfels.group]
+    return np.asarray(2 * np.bincount(piece, turned) > np.bincount(piece))[piece]

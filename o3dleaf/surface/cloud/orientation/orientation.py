@@ -13,6 +13,7 @@ from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, OrientationError
 from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_share
 from o3dleaf.surface.cloud.neighbors import nearest_neighbors
 from o3dleaf.surface.cloud.normals import on_seams
 from o3dleaf.surface.cloud.orientation.close_sheets import (
@@ -36,7 +37,7 @@ CUT = 2.0
 far, and where they hold points of more than one sheet their normals mean nothing."""
 CUTS = 3
 CUT_NOTE = (
-    "normals contradict one another along a line, where sheets branch or a sheet has one side: {:,} points ({:.2g} %) "
+    "normals contradict one another along a line, where sheets branch or a sheet has one side: {:,} points ({}) "
     "were cut out there, around {}"
 )
 MAX_CUT = 0.2
@@ -201,7 +202,7 @@ def _orient_apart(points: FloatArray, surfels: Surfels, sides: Sides) -> Orienta
             normals = np.zeros_like(points)
             normals[~cut], notes = split_sheets(middle_of(rest, surfels, sides.normals), _notes(surfels, sides))
             normals[cut] = normals[~cut][cKDTree(rest).query(points[cut])[1]]
-            note = CUT_NOTE.format(cut.sum(), 100 * cut.mean(), tell_middle(points[cut], points))
+            note = CUT_NOTE.format(cut.sum(), tell_share(cut.mean()), tell_middle(points[cut], points))
             return Orientation(normals, (*notes, note), cut)
     raise OrientationError(
         f"cloud: its normals contradict one another along lines throughout, as where sheets branch or touch, around "

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.places import tell_middle
+from o3dleaf.core.units import tell_share
 from o3dleaf.surface.cloud.normals import SEAM, find_opposed, longest_seam
 from o3dleaf.surface.cloud.surfels import DROWNED, Surfels
 from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
@@ -43,7 +44,7 @@ spacings thick heights leave 1 to 4 % wrong and this 0.1 to 1 %; with 2 to 11 % 
 MAX_TURNED = 0.1
 """Share of the sides that it may turn: it turns 1 to 4 %, and of sheets half a spacing apart 40 %."""
 UNCERTAIN_NOTE = (
-    "the sides of {:,} points ({:.2g} %) remain uncertain, where sheets lie closer than their points tell apart, "
+    "the sides of {:,} points ({}) remain uncertain, where sheets lie closer than their points tell apart, "
     "around {}; give normals, or where they were scanned from"
 )
 
@@ -112,7 +113,9 @@ def settle_sheets(points: FloatArray, spacing: FloatArray, normals: FloatArray) 
 def uncertain_notes(points: FloatArray, found: Consistent) -> tuple[str, ...]:
     """Return the note on how many sides at `points` (n, 3) remain uncertain, and where, if that is worth a word."""
     share, some = found.uncertain.mean(), points[found.uncertain]
-    return (UNCERTAIN_NOTE.format(len(some), 100 * share, tell_middle(some, points)),) if share > UNCERTAIN else ()
+    if share <= UNCERTAIN:
+        return ()
+    return (UNCERTAIN_NOTE.format(len(some), tell_share(share), tell_middle(some, points)),)
 
 
 def tears(surfels: Surfels, before: FloatArray, after: FloatArray) -> bool:

@@ -29,12 +29,12 @@ def test_a_piece_has_the_area_of_points_as_dense_as_its_own():
 def test_parts_of_a_sheet_are_counted_by_their_areas():
     """The dense one has more points."""
     assert len(DENSE) > len(SPARSE)
-    parts = Leftovers(SCAN, (), (), (), np.arange(len(SCAN)), 1.0, PARTS)
+    parts = Leftovers(SCAN, (), (), (), (), np.arange(len(SCAN)), 1.0, PARTS)
     assert [len(rows) for rows in parts.pieces] == [len(SPARSE), len(DENSE)]
 
 
 def test_what_of_a_piece_is_off_its_sheet_is_told_but_for_stragglers():
-    pieces = Leftovers(SCAN, (), (), (), np.arange(len(SCAN)), 1.0)
+    pieces = Leftovers(SCAN, (), (), (), (), np.arange(len(SCAN)), 1.0)
     (line,) = pieces.off_sheet_of(1, PARTS[1])
     assert line.startswith("piece 1 is more than one sheet")
     assert f"{len(DENSE):,} of its {len(SCAN):,} points lie off that" in line
