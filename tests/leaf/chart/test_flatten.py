@@ -4,7 +4,7 @@ import shapely
 
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import triangle_areas
-from o3dleaf.leaf.chart.flatten import WORST, lay_flat
+from o3dleaf.leaf.chart.flatten import LARGEST_FLAP, WORST, lay_flat
 from o3dleaf.leaf.chart.flattening.embedding import (
     conformal_chart,
     convex_chart,
@@ -223,6 +223,18 @@ def test_a_sheet_that_winds_round_itself_by_a_little_is_laid_flat_in_one_layer()
     assert areas.sum() == pytest.approx(shapely.Polygon(chart[rims[0]]).area, rel=1e-9)
     stretch = stretch_quantiles(sheet, triangles, chart)
     assert WORST[0] < stretch.least < stretch.most < WORST[1]
+
+
+def test_a_chart_in_one_layer_that_stretches_more_than_lay_double_is_not_taken():
+    """A tongue three times as long as its slot, whose end lies over the sheet: in one layer it would be squeezed."""
+    slot = shapely.box(-5, -1, 5, 6).difference(shapely.box(-4, -2, 4, 4))
+    flat, triangles = triangulated(shapely.box(-10, -10, 10, 10).difference(slot), 1.0)
+    u, v = flat.T
+    in_tongue = (np.abs(u) < 4.5) & (v > -1) & (v < 4.5)
+    sheet = np.column_stack([u, np.where(in_tongue, 3 * v + 2, v), np.zeros(len(flat))])
+    assert 0 < find_overlap(sheet[:, :2], triangles, require_sheet(sheet, triangles)).share < LARGEST_FLAP
+    chart = lay_flat(sheet, triangles)
+    assert np.abs(triangle_stretch(sheet, triangles, chart) - 1).max() < tol.NEARLY_AT_REST
 
 
 def test_a_sheet_that_winds_round_itself_is_refused_with_the_place():

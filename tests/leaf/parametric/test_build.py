@@ -10,6 +10,7 @@ from scipy.spatial import Delaunay, cKDTree
 import o3dleaf as o3l
 import tolerances as tol
 from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.mesh_arrays import triangle_areas
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.outline_area import places_inside
 from o3dleaf.leaf.fit_quality import MAX_OUTSIDE, FitQuality
@@ -19,6 +20,7 @@ from o3dleaf.leaf.parametric.build import fit_noise
 from o3dleaf.leaf.parametric.fitted import ChartMesh
 from o3dleaf.leaf.parametric.surface_fit import fit_chart_surface
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
+from sheet_shapes import triangulated
 
 INSIDE = 0.98
 """Share of a noiseless scan's points within the margin: all but those of the tip, where it is less than a spacing
@@ -45,6 +47,22 @@ def test_a_tip_too_sparse_for_a_sheet_belongs_to_the_leaf():
     ring = blade.lift(np.column_stack([blade.outline.ring, np.zeros(len(blade.outline.ring))]))
     assert np.linalg.norm(ring - leaf.lift([[150.0, 0.0]]), axis=1).min() < TIP * scan.spacing
     assert not any("left out" in note for note in blade.notes)
+
+
+def test_a_ruffled_leaf_has_its_area():
+    """Its waves lie over each other in the plane: where the chart of its sheet does, or that of a round, areas lack."""
+    leaf = o3l.samples.leaf_shape("curled", length=40, width=30, angle=40)
+
+    def ruffled(places):
+        u, v = places.T
+        wave = 5.0 * np.abs(v / 15) ** 3 * np.sin(2 * np.pi * u / 9)
+        return leaf.lift(places) + wave[:, np.newaxis] * leaf.normals(places)
+
+    blade = o3l.create_blade(ruffled(o3l.samples.scan_leaf(leaf, spacing=0.8, seed=0).places), unit="mm")
+    lifted = blade.lift_with_jacobian(np.pad(places_inside(blade.outline, 4000), ((0, 0), (0, 1))))
+    area = blade.outline.area * np.linalg.norm(np.cross(lifted.columns[:, 0], lifted.columns[:, 1]), axis=1).mean()
+    flat, triangles = triangulated(leaf.outline, 0.2)
+    assert area == pytest.approx(triangle_areas(ruffled(flat), triangles).sum(), rel=tol.AREA_OF_RUFFLES)
 
 
 @pytest.mark.parametrize(("kind", "spacing"), [("wavy", 0.5), ("eaten", 0.8)])
