@@ -121,3 +121,29 @@ DEFECTS = [
     "null face",
     "stray component",
 ]
+
+
+def prism(rng):
+    """A turned prism over a rectangle or a wedge of 60° to 90°, all drawn: the least distance to its planes; its edges.
+
+    Edges are (k, 2, 3); those of the solid are all there.
+    """
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    wide, high = rng.uniform(0.4, 0.6, 2)
+    if rng.random() < 0.5:
+        base = np.array([[-0.5, -wide], [0.5, -wide], [0.5, wide], [-0.5, wide]])
+    else:
+        wide = np.tan(np.radians(rng.uniform(30, 45)))
+        base = 0.9 * np.array([[-0.6, 0.0], [0.4, -wide], [0.4, wide]])
+    along = np.roll(base, -1, axis=0) - base
+    across = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, np.newaxis]
+    reach = (across * base).sum(axis=1)
+
+    def inside(x, y, z):
+        places = (np.stack([x, y, z], axis=1) - CENTRE) @ turn
+        return np.minimum((reach - places[:, :2] @ across.T).min(axis=1), high - np.abs(places[:, 2]))
+
+    low, top = (np.column_stack([base, np.full(len(base), level)]) for level in (-high, high))
+    pairs = [(low, np.roll(low, -1, axis=0)), (top, np.roll(top, -1, axis=0)), (low, top)]
+    edges = np.concatenate([np.stack(pair, axis=1) for pair in pairs])
+    return Analytic(inside), edges @ turn.T + CENTRE

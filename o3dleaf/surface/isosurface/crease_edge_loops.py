@@ -18,12 +18,12 @@ class FirstRows(NamedTuple):
 
 
 class TangentPlanes(NamedTuple):
-    """The planes tangent to the surface at the vertices p, with normals n, of each of k creased loops.
+    """The planes tangent to the surface at the vertices of each of k creased loops, through the feet p, normals n.
 
     Attributes
     ----------
     squares, right, middle : (k, 3, 3), (k, 3), (k, 3) ndarrays
-        Σ n nᵀ, Σ n n · (p − middle), and the mean of the p.
+        Σ n nᵀ, Σ n n · (p − middle), and the mean of the vertices.
     of_cell : (k,) ndarray of int64
         The cell of each loop.
     """
@@ -74,7 +74,7 @@ def count_creases(start, stop, corners, codes, numbering, normals, least, crease
 
 @njit(nogil=True, cache=True)
 def draw_creases(
-    start, stop, corners, codes, numbering, fraction, vertices, normals, least, offsets, planes, triangles
+    start, stop, corners, codes, numbering, fraction, vertices, feet, normals, least, offsets, planes, triangles
 ):
     """Write the triangles of some cells, those of creased loops about vertices of their own.
 
@@ -82,7 +82,8 @@ def draw_creases(
     ----------
     fraction : (v,) ndarray
         How far along its edge each vertex lies.
-    vertices, normals : (v, 3) ndarrays
+    vertices, feet, normals : (v, 3) ndarrays
+        Tangent planes go through the feet.
     least : float
         A loop is creased where two of its normals have a smaller product.
     offsets : FirstRows
@@ -98,7 +99,7 @@ def draw_creases(
         while LOOPS[code, entry]:
             length = loop_vertices(code, entry, corners[cell], numbering, numbers)
             if is_creased(numbers, length, normals, least):
-                add_planes(numbers, length, vertices, normals, planes, crease)
+                add_planes(numbers, length, vertices, feet, normals, planes, crease)
                 planes.of_cell[crease] = cell
                 for n in range(length):
                     triangles[row, 0], triangles[row, 1] = numbers[n], numbers[(n + 1) % length]
@@ -121,8 +122,8 @@ def draw_creases(
 
 
 @njit(nogil=True, cache=True)
-def add_planes(numbers, length, vertices, normals, planes, crease):
-    """Add up the tangent planes at the vertices of a creased loop."""
+def add_planes(numbers, length, vertices, feet, normals, planes, crease):
+    """Add up the tangent planes at the vertices of a creased loop, which go through their feet."""
     square, right, middle = planes.squares[crease], planes.right[crease], planes.middle[crease]
     square[:], right[:], middle[:] = 0.0, 0.0, 0.0
     for n in range(length):
@@ -131,7 +132,7 @@ def add_planes(numbers, length, vertices, normals, planes, crease):
     for n in range(length):
         normal, height = normals[numbers[n]], 0.0
         for axis in range(3):
-            height += normal[axis] * (vertices[numbers[n], axis] - middle[axis])
+            height += normal[axis] * (feet[numbers[n], axis] - middle[axis])
         for axis in range(3):
             right[axis] += normal[axis] * height
             for other in range(3):

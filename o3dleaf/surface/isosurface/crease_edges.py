@@ -26,7 +26,7 @@ def meet_planes(squares: FloatArray, right: FloatArray, middle: FloatArray) -> F
     Parameters
     ----------
     squares, right, middle : (k, 3, 3), (k, 3), (k, 3) ndarrays
-        Σ n nᵀ, Σ n n · (p − middle), and the mean of the p.
+        Σ n nᵀ, Σ n n · (p − middle), and the mean of the loop's vertices.
     """
     values, axes = np.linalg.eigh(squares)
     known = values > RANK_TOLERANCE * values[:, 2:]

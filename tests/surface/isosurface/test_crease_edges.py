@@ -86,7 +86,7 @@ def test_vertices_go_back_until_none_cross_or_what_still_does_is_told(seed):
 
 
 def test_vertices_that_cross_nothing_stay_where_planes_meet(request):
-    """Of a wedge, whose edge is sharp: all of them, though some lie outside their cells."""
+    """Of a wedge, whose edge is sharp: all but beside the box's caps, though some lie outside their cells."""
     field = Blades(0)
     field.normals, field.offsets = field.normals[:, :1], np.full((2, 1), 0.3)
     field.normals[1, 0] = np.cross(field.normals[0, 0], [0.3, 0.5, 0.8])
@@ -95,7 +95,9 @@ def test_vertices_that_cross_nothing_stay_where_planes_meet(request):
     options = {"seeds": seeds[np.abs(field(seeds)) < STEP / 2], "sharpen": False, "features": True}
     kept = mesh_arrays(extract_isosurface(field, STEP, **options))[0]
     seen = request.getfixturevalue("as_met")
-    np.testing.assert_array_equal(mesh_arrays(extract_isosurface(field, STEP, **options))[0], kept)
+    met = mesh_arrays(extract_isosurface(field, STEP, **options))[0]
+    off_caps = np.abs(kept).max(axis=1) < 1 - 2 * STEP
+    np.testing.assert_array_equal(met[off_caps], kept[off_caps])
     assert seen["near"].any()
 
 

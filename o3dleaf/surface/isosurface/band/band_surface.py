@@ -8,8 +8,9 @@ import numpy as np
 from o3dleaf.core import journal, progress
 from o3dleaf.core.checks.arrays import FloatArray, require_finite
 from o3dleaf.core.errors import DataWarning
-from o3dleaf.core.field import Field
+from o3dleaf.core.field import Field, values_and_gradients
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.newton import euclidean
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.places import tell_middle
 from o3dleaf.surface.isosurface import crease_edge_loops
@@ -98,7 +99,10 @@ def end_on_box(band: Band, box: FloatArray, ends: Ends) -> tuple[IntArray, Float
 def _crease(band: Band, crossing: Crossing) -> tuple[FloatArray, IntArray]:
     """Return vertices and triangles with a vertex more in each loop of a cell whose normals disagree."""
     corners, codes, numbering, edges, vertices = crossing
-    normals = unit_gradients(band.field, vertices)
+    feet, normals = tangent_planes(band.field, vertices, band.level, float(band.step.max()))
+    if band.box is not None:
+        ended = ((vertices == band.box[0]) | (vertices == band.box[1])).any(axis=1)
+        feet[ended] = vertices[ended]  # the solid ends there, whatever the field is
     creases, drawn = np.empty((2, len(codes)), dtype=np.int64)
 
     def count(start: int, stop: int) -> None:
@@ -112,7 +116,7 @@ def _crease(band: Band, crossing: Crossing) -> tuple[FloatArray, IntArray]:
     )
 
     def draw(start: int, stop: int) -> None:
-        cells, shape = (start, stop, corners, codes, numbering), (edges.fraction, vertices, normals, MIN_COSINE)
+        cells, shape = (start, stop, corners, codes, numbering), (edges.fraction, vertices, feet, normals, MIN_COSINE)
         crease_edge_loops.draw_creases(*cells, *shape, offsets, planes, triangles)
 
     run_blocks(draw, len(codes), BLOCK)
@@ -129,15 +133,23 @@ def _crease(band: Band, crossing: Crossing) -> tuple[FloatArray, IntArray]:
     return vertices, triangles
 
 
-def unit_gradients(field: Field, points: FloatArray) -> FloatArray:
-    """Return the (n, 3) gradients of a field at points (n, 3), divided by their lengths."""
-    normals = np.empty_like(points)
+def tangent_planes(field: Field, points: FloatArray, level: float, max_step: float) -> tuple[FloatArray, FloatArray]:
+    """Return feet and unit normals (n, 3) of the planes F + ∇F · (x − p) = level of points p (n, 3) near the surface.
+
+    Edges that end on both sides of a crease are crossed neither where the field would be if it were linear along them,
+    nor at the zero of a parabola; where it is made of smooth sheets these planes are tangent to them all the same.
+
+    Feet are those of Newton's steps, none longer than `max_step`.
+    """
+    feet, normals = np.empty_like(points), np.empty_like(points)
     for i, j in blocks(len(points), BATCH_SIZE):
-        slope = require_finite(np.asarray(field.gradient(points[i:j]), dtype=np.float64), "field gradients")
-        length = np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)
-        normals[i:j] = slope / length[:, np.newaxis]
+        values, slopes = values_and_gradients(field, points[i:j])
+        slopes = require_finite(slopes, "field gradients")
+        length = np.maximum(np.linalg.norm(slopes, axis=1), np.finfo(np.float64).tiny)
+        normals[i:j] = slopes / length[:, np.newaxis]
+        feet[i:j] = points[i:j] + euclidean(points[i:j], values - level, slopes, max_step)
         progress.report(j, len(points))
-    return normals
+    return feet, normals
 
 
 def _draw_smooth(crossing: Crossing) -> IntArray:

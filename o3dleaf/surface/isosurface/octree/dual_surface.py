@@ -14,6 +14,7 @@ from o3dleaf.core.errors import DataWarning
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices
 from o3dleaf.core.places import tell_middle
+from o3dleaf.surface.isosurface.crease_edges import MIN_COSINE
 from o3dleaf.surface.isosurface.octree.loop_vertices import MIDDLE, LoopVertices, place_vertices
 from o3dleaf.surface.isosurface.octree.octree_band import OctreeBand
 from o3dleaf.surface.isosurface.octree.traced import TracedLoops
@@ -71,6 +72,8 @@ def _draw(traced: TracedLoops, placed: LoopVertices, edges: IntArray) -> tuple[F
         triangles = np.concatenate([_cut_by_diagonals(traced, vertices, corners), fans])
         whole = np.concatenate([vertices, added])
         crossing = _find_crossing(whole, triangles, looked_at)
+        if not len(crossing):
+            break
         looked_at = np.unique(triangles[crossing])
         back = looked_at[looked_at < len(choice)]
         back = back[choice[back] < MIDDLE]
@@ -78,6 +81,7 @@ def _draw(traced: TracedLoops, placed: LoopVertices, edges: IntArray) -> tuple[F
             break
         choice[back] += 1
     if len(crossing):
+        crossing = _find_crossing(whole, triangles, None)
         place = tell_middle(whole[triangles[crossing[0]]], whole)
         cause = f"{len(crossing):,} of {len(triangles):,} triangles cross others, as at {place}"
         journal.tell(f"{cause}: the field turns within a cell; clean_mesh(mesh, untangle=True) has none", DataWarning)
@@ -85,15 +89,17 @@ def _draw(traced: TracedLoops, placed: LoopVertices, edges: IntArray) -> tuple[F
 
 
 def _find_crossing(vertices: FloatArray, triangles: IntArray, moved: IntArray | None) -> IntArray:
-    """Return which triangles cross others: of all, or of those around vertices that have moved."""
-    around = np.arange(len(triangles))
+    """Return which triangles cross others: of those around vertices that have moved, if any there do, else of all."""
     if moved is not None:
         near = np.zeros(len(vertices), dtype=bool)
         near[moved] = True
         for _ in range(RINGS):
             around = np.flatnonzero(near[triangles].any(axis=1))
             near[triangles[around]] = True
-    return around[find_crossings(vertices, triangles[around])] if len(around) else around
+        crossing = around[find_crossings(vertices, triangles[around])]
+        if len(crossing):
+            return crossing
+    return np.flatnonzero(find_crossings(vertices, triangles))
 
 
 def _polygons(traced: TracedLoops, count: int, edges: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
@@ -120,16 +126,31 @@ def _doubled(corners: IntArray, count: int) -> BoolArray:
 
 
 def _cut_by_diagonals(traced: TracedLoops, vertices: FloatArray, corners: IntArray) -> IntArray:
-    """Return the triangles of polygons (p, 4), see `_polygons`, cut by the shorter diagonal from a least leaf."""
+    """Return the triangles of polygons (p, 4), see `_polygons`, cut by a diagonal from a least leaf.
+
+    That is the shorter one of those across which they hardly turn, else the one across which they turn less: where a
+    vertex on a crease lies outside its leaf, the other one may leave a fold.
+    """
     repeated = corners == np.roll(corners, -1, axis=1)
     three = repeated.any(axis=1)
     level = traced.leaves.levels[traced.leaf[corners]]
     least = level == level.min(axis=1, keepdims=True)
+    wide = ~(least[:, :2] | least[:, 2:])
     length = np.linalg.norm(vertices[corners[:, 2:]] - vertices[corners[:, :2]], axis=2)
-    length[~(least[:, :2] | least[:, 2:])] = np.inf
-    turn = np.where(three, repeated.argmax(axis=1), length.argmin(axis=1))
+    bend = np.maximum(MIN_COSINE - _cosines(vertices[corners]), 0.0)
+    length[wide], bend[wide] = np.inf, np.inf
+    best = np.where(bend[:, 0] == bend[:, 1], length.argmin(axis=1), bend.argmin(axis=1))
+    turn = np.where(three, repeated.argmax(axis=1), best)
     corners = np.take_along_axis(corners, (turn[:, np.newaxis] + np.arange(4)) % 4, axis=1)
     return np.concatenate([corners[:, [0, 2, 3]], corners[~three][:, :3]])
+
+
+def _cosines(places: FloatArray) -> FloatArray:
+    """Return the cosines (p, 2) of the angles by which polygons (p, 4, 3) turn across either diagonal."""
+    side = np.roll(places, -1, axis=1) - places
+    normal = np.cross(side, np.roll(side, -1, axis=1))  # of the triangles that end at corners 2, 3, 0 and 1
+    normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), np.finfo(np.float64).tiny)
+    return np.asarray((normal[:, :2] * normal[:, 2:]).sum(axis=2))
 
 
 def _fan(

@@ -10,7 +10,7 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.newton import euclidean
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.surface.isosurface.band.band import BATCH_SIZE, BLOCK
-from o3dleaf.surface.isosurface.band.band_surface import unit_gradients
+from o3dleaf.surface.isosurface.band.band_surface import tangent_planes
 from o3dleaf.surface.isosurface.crease_edge_loops import TangentPlanes
 from o3dleaf.surface.isosurface.crease_edges import MAX_OUTSIDE, MIN_COSINE, meet_planes
 from o3dleaf.surface.isosurface.octree import tracing_loops
@@ -81,7 +81,7 @@ def place_vertices(band: OctreeBand, traced: TracedLoops, field: Field, *, featu
         rows = rows[length > SETTLED * side[rows]]
     if not features:
         return LoopVertices(vertices, middle, np.empty(0, dtype=np.int64), np.empty((2, 0, 3)))
-    planes, creased = _planes(traced, field)
+    planes, creased = _planes(band, traced, field)
     rows = np.flatnonzero(creased & ~cut)
     met = meet_planes(planes.squares[rows], planes.right[rows], planes.middle[rows])
     low, high, beyond = low[rows], high[rows], MAX_OUTSIDE * side[rows, np.newaxis]
@@ -98,15 +98,15 @@ def _steps(band: OctreeBand, field: Field, points: FloatArray) -> FloatArray:
     return require_finite(steps, "field gradients")
 
 
-def _planes(traced: TracedLoops, field: Field) -> tuple[TangentPlanes, BoolArray]:
+def _planes(band: OctreeBand, traced: TracedLoops, field: Field) -> tuple[TangentPlanes, BoolArray]:
     """Return the planes tangent to the surface where loops are crossed, and which loops (v,) are creased."""
     places, many = traced.edges.places, len(traced.leaf)
-    normals, creased = unit_gradients(field, places), np.empty(many, dtype=bool)
+    (feet, normals), creased = tangent_planes(field, places, band.level, band.widths[1]), np.empty(many, dtype=bool)
     planes = TangentPlanes(np.empty((many, 3, 3)), np.empty((many, 3)), np.empty((many, 3)), traced.leaf)
 
     def add(start: int, stop: int) -> None:
         tracing_loops.add_loop_planes(
-            start, stop, traced.first, traced.edge, places, normals, MIN_COSINE, planes, creased
+            start, stop, traced.first, traced.edge, places, feet, normals, MIN_COSINE, planes, creased
         )
 
     run_blocks(add, many, BLOCK)

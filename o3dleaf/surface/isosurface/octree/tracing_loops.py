@@ -133,7 +133,7 @@ def write_edge(axis, low, high, nodes, row, found):
 
 
 @njit(nogil=True, cache=True)
-def add_loop_planes(start, stop, first, edge, places, normals, least, planes, creased):
+def add_loop_planes(start, stop, first, edge, places, feet, normals, least, planes, creased):
     """Add up the tangent planes at the crossings of loops, and write which loops are creased.
 
     Parameters
@@ -142,8 +142,8 @@ def add_loop_planes(start, stop, first, edge, places, normals, least, planes, cr
         The first incidence of each loop.
     edge : (i,) ndarray of int64
         The edge of each incidence.
-    places, normals : (e, 3) ndarrays
-        Where edges are crossed.
+    places, feet, normals : (e, 3) ndarrays
+        Where edges are crossed, and the planes tangent there.
     least : float
         A loop is creased where two of its normals have a smaller product.
     planes : TangentPlanes
@@ -156,4 +156,4 @@ def add_loop_planes(start, stop, first, edge, places, normals, least, planes, cr
         length = first[loop + 1] - first[loop]
         numbers[:length] = edge[first[loop] : first[loop + 1]]
         creased[loop] = is_creased(numbers, length, normals, least)
-        add_planes(numbers, length, places, normals, planes, loop)
+        add_planes(numbers, length, places, feet, normals, planes, loop)
