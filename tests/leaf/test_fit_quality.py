@@ -166,10 +166,10 @@ def test_points_that_are_there_twice_change_no_figure(scale, share):
 
 def bowed(*, lattice=False):
     """Return points of a sheet that rises by up to a quarter, a spacing of 1 apart, random or on a lattice."""
-    x, y = np.random.default_rng(3).uniform(0, 60, (2, 3600))
+    x, y = np.random.default_rng(3).uniform(0, [[120], [30]], (2, 3600))
     if lattice:
-        x, y = (each.ravel() for each in np.meshgrid(np.arange(60.0), np.arange(60.0)))
-    return np.column_stack([x, y, (x - 30) ** 2 / 240])
+        x, y = (each.ravel() for each in np.meshgrid(np.arange(120.0), np.arange(30.0)))
+    return np.column_stack([x, y, (x - 60) ** 2 / 480])
 
 
 @pytest.mark.parametrize("step", [1.0, 1.5, 2.0])

@@ -270,4 +270,5 @@ def _mostly(turned: npt.NDArray[np.bool_], surfels: Surfels) -> npt.NDArray[np.b
     ends = np.repeat(np.arange(len(rows)), rows.shape[1]), rows.ravel()
     graph = coo_array((np.ones(rows.size, np.int8), ends), shape=(len(rows), len(rows)))
     piece = connected_components(graph, directed=False)[1][surfels.group]
-    return np.asarray(2 * np.bincount(piece, turned) > np.bincount(piece))[piece]
+    mostly = np.bincount(piece, turned) > np.bincount(piece) / 2
+    return np.asarray(mostly[piece])

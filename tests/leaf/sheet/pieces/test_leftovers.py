@@ -39,3 +39,11 @@ def test_what_of_a_piece_is_off_its_sheet_is_told_but_for_stragglers():
     assert line.startswith("piece 1 is more than one sheet")
     assert f"{len(DENSE):,} of its {len(SCAN):,} points lie off that" in line
     assert pieces.off_sheet_of(1, np.arange(20, len(SCAN))) == ()
+
+
+def test_what_touches_a_sheet_but_lies_beside_it_is_no_layer_over_it():
+    vertices, triangles = np.array([[0.0, 0, 0], [20, 0, 0], [20, 20, 0], [0, 20, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
+    for at, kind in (([20.5, 0, 0], "another piece"), ([0.0, 0, 1], "another layer")):
+        scan = np.concatenate([DENSE, square(20, 0.5, 3, at)])
+        told = Leftovers.of(scan, np.arange(len(DENSE)), vertices, triangles, 0.5).tell()
+        assert any(f"left out: {kind}" in line for line in told)
