@@ -850,9 +850,9 @@ LOST_TO_SHORT_LAGS = 0.6
 quarters up to the longest lag, and some of what a quadric takes of the blade."""
 
 AREA_OF_RUFFLES = 0.015
-"""Of a leaf's area, ruffled 5 high and 9 long and scanned at 0.8: found 0.0076 too little, the same to 3e-6 where points
-move by their rounding; 0.019 where a round of the fit may lay its chart over itself, 0.021 where the first chart may,
-0.062 where both."""
+"""Of a leaf's area, ruffled 5 high and 9 long and scanned at 0.8: found 0.0076 too little, the same to 3e-6 where
+points move by their rounding; 0.019 where a round of the fit may lay its chart over itself, 0.021 where the first chart
+may, 0.062 where both."""
 
 LOST_ON_A_BEND = 1.5
 """A missing area's deviation on a sheet rolled up to the radius of 13 spacings, over that on a flat one: found 1.02, of
