@@ -91,6 +91,11 @@ def repair_normals(points: FloatArray, normals: FloatArray, rows: IndexArray) ->
     return Repaired(sign[:, np.newaxis] * normals, _opposed(counts), before)
 
 
+def opposed_share(points: FloatArray, normals: FloatArray, rows: IndexArray) -> float:
+    """Return the share of neighbors' normals that oppose one another, compared as in `repair_normals`."""
+    return _opposed(_agreements(points, normals, rows))
+
+
 def _opposed(counts: IndexArray) -> float:
     """Return the share of neighbors that oppose, of counts (n, 2) of those that agree and oppose."""
     agreeing, opposed = counts.sum(axis=0)

@@ -10,7 +10,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import OrientationError
 from o3dleaf.core.even_sample import even_rows
 from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
-from o3dleaf.surface.cloud.normals import repair_normals
+from o3dleaf.surface.cloud.normals import opposed_share, repair_normals
 from o3dleaf.surface.cloud.orientation.orientation import Orientation, orient_surfels
 from o3dleaf.surface.cloud.orientation.sides import OPEN, OPEN_NOTE
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -235,7 +235,7 @@ def _beyond_repair(cloud: OrientedCloud, unit: FloatArray, repaired: FloatArray)
     if anew.normals is unit:
         return _repaired(unit, repaired)
     if MAJORITY_NOTE in anew.notes:
-        after, before = (repair_normals(points, each, rows).before for each in (anew.normals, repaired))
+        after, before = (opposed_share(points, each, rows) for each in (anew.normals, repaired))
     else:
         after, before = (
             _error_of_sides(_winding(points, surfels.spacing, each)[0]) for each in (anew.normals, repaired)
