@@ -43,3 +43,18 @@ def test_a_triangle_without_area_gives_the_parameters_of_its_first_corner():
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     found = carry_chart(vertices, np.array([[0, 1, 2]]), vertices[:, :2], np.array([[0.5, 1.0, 0.0]]))
     assert np.array_equal(found, [[0.0, 0.0]])
+
+
+def test_beside_a_corner_of_the_rim_no_rounding_chooses_a_triangle():
+    """A fan that is no plane, of which each triangle would carry a point past its middle to another place."""
+    angle = np.linspace(-2.0, 2.0, 6)
+    ring = np.column_stack([np.cos(angle), np.sin(angle), 0.3 * np.cos(3 * angle)])
+    vertices = np.concatenate([[[0.0, 0.0, 0.0]], ring])
+    triangles = np.array([[0, k, k + 1] for k in range(1, 6)])
+    rng = np.random.default_rng(4)
+    past = np.column_stack([-rng.uniform(0.5, 1.5, 200), rng.uniform(-0.2, 0.2, (200, 2))])
+    found = carry_chart(vertices, triangles, vertices[:, :2], past)
+    turned = carry_chart(vertices, triangles[::-1, [1, 2, 0]].copy(), vertices[:, :2], past)
+    assert turned == pytest.approx(found, abs=tol.TWIN)
+    moved = carry_chart(vertices + 1e-12 * rng.normal(size=vertices.shape), triangles, vertices[:, :2], past)
+    assert moved == pytest.approx(found, abs=tol.ONE_REST)

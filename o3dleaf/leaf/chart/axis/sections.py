@@ -38,7 +38,9 @@ def triangulate_inside(outline: Any) -> tuple[FloatArray, IntArray]:
     rows = [np.arange(low[0], high[0], step) + (row % 2) * step / 2 for row in range(len(across))]
     lattice = np.concatenate([np.stack([x, np.full_like(x, y)], axis=1) for x, y in zip(rows, across, strict=True)])
     inner = lattice[shapely.contains_xy(outline.buffer(-0.45 * step), *lattice.T)]
-    border = shapely.line_interpolate_point(outline.exterior, np.arange(0, outline.exterior.length, step))
+    # From a corner that the shape alone tells: where a ring begins, a rounding may have chosen.
+    ring = shapely.normalize(outline).exterior
+    border = shapely.line_interpolate_point(ring, np.arange(0, ring.length, step))
     points = np.concatenate([shapely.get_coordinates(border), inner])
     triangles = Delaunay(points).simplices.astype(np.int64)
     inside = shapely.contains_xy(outline, *points[triangles].mean(axis=1).T)

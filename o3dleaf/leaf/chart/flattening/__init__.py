@@ -4,7 +4,8 @@
 `sheet_shape`  what a chart asks of a mesh
 `geodesics`    distances along a sheet
 `stretch`      how a chart stretches its sheet
-`anderson`     a descent in fewer steps
+`rigid_energy` the energy of a chart that is as rigid as possible
+`newton_descent` a chart at rest
 `embedding`    maps of a sheet to the plane
 `untangle`     single flipped triangles put right, and charts that wind twice around a place
 `overlap`      overlaps of a chart with itself

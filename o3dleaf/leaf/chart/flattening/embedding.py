@@ -10,9 +10,10 @@ import scipy.sparse.linalg
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
 from o3dleaf.core.parallel import look_for_stop
-from o3dleaf.leaf.chart.flattening.anderson import accelerated_descent
+from o3dleaf.leaf.chart.flattening.newton_descent import descend_to_rest
+from o3dleaf.leaf.chart.flattening.rigid_energy import RigidEnergy
 from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, rim_first
-from o3dleaf.leaf.chart.flattening.stretch import RigidEnergy, chart_areas
+from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 
 STEPS = 2000
 """As rigid as possible, at most; accelerated, thirty to two hundred are usual."""
@@ -71,19 +72,9 @@ def convex_chart(vertices: FloatArray, triangles: IntArray, rings: BoundaryRings
 def relax_rigidly(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> FloatArray:
     """Return the (n, 2) chart at rest of the energy that is as rigid as possible; a triangle may be flipped.
 
-    Liu et al. 2008 (CGF 27:1495): each triangle turns to fit, the chart fits all turned ones, in turn; accelerated.
+    That of Liu et al. 2008 (CGF 27:1495), by Newton's method.
     """
-    data = igl.ARAPData()
-    data.max_iter = 1
-    igl.arap_precomputation(vertices, triangles, 2, triangles[:1, 0].astype(np.int32), data)
-    fixed = chart[triangles[0, 0]][np.newaxis]
-    return accelerated_descent(
-        lambda places: np.ascontiguousarray(igl.arap_solve(fixed, data, places)),
-        RigidEnergy(vertices, triangles),
-        chart,
-        at_rest=lambda energy: max(AT_REST * energy, UNSEEN),
-        most=STEPS,
-    )
+    return descend_to_rest(RigidEnergy(vertices, triangles), chart)
 
 
 def relax_without_flips(

@@ -10,7 +10,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import look_for_stop
 from o3dleaf.leaf.chart.flattening.embedding import flip_free_descent
-from o3dleaf.leaf.chart.flattening.stretch import RigidEnergy
+from o3dleaf.leaf.chart.flattening.rigid_energy import RigidEnergy
 
 STEPS = 40
 """From one release of the margin to the next, at most: ten to thirty are usual."""

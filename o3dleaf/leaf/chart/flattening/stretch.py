@@ -48,7 +48,7 @@ def triangle_stretch(vertices: FloatArray, triangles: IntArray, chart: FloatArra
 
 def jacobians(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> FloatArray:
     """Return the (m, 2, 2) maps from each triangle's own plane, seen from outside, to the chart; NaN without area."""
-    length, along, height = _laid_down(vertices, triangles)
+    length, along, height = laid_down(vertices, triangles)
     with np.errstate(divide="ignore", invalid="ignore"):
         x = (chart[triangles[:, 1]] - chart[triangles[:, 0]]) / length[:, np.newaxis]
         y = (chart[triangles[:, 2]] - chart[triangles[:, 0]] - along[:, np.newaxis] * x) / height[:, np.newaxis]
@@ -56,36 +56,7 @@ def jacobians(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> F
     return np.where(np.isfinite(flat), flat, np.nan)
 
 
-class RigidEnergy:
-    """Area-weighted mean square of a chart's stretches' distance from 1; a flip counts by its mirror image.
-
-    As complex numbers a triangle's map is z ↦ a z + b conj(z), and its stretches are abs(a) + abs(b) and
-    abs(a) − abs(b), which is negative where it is flipped. What has no area does not count.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray
-        On the sheet.
-    triangles : (m, 3) ndarray of int
-    """
-
-    def __init__(self, vertices: FloatArray, triangles: IntArray) -> None:
-        length, along, height = _laid_down(vertices, triangles)
-        area = np.where(np.isfinite(along), length * height, 0.0)
-        self._triangles = triangles
-        self._share = area / area.sum()
-        self._length, self._height = (np.where(area > 0, edge, np.inf) for edge in (length, height))
-        self._along = np.where(area > 0, along, 0.0)
-
-    def __call__(self, chart: FloatArray) -> float:
-        """Return the energy of an (n, 2) chart."""
-        first, second, third = (chart.view(np.complex128).ravel()[corner] for corner in self._triangles.T)
-        x = (second - first) / self._length
-        y = 1j * (third - first - self._along * x) / self._height
-        return float(self._share @ ((np.abs(x - y) / 2 - 1) ** 2 + np.abs(x + y) ** 2 / 4)) * 2
-
-
-def _laid_down(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def laid_down(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return length of the first side, and foot along it and height over it of the third corner, (m,) each."""
     first, second, third = (vertices[triangles[:, corner]] for corner in range(3))
     edge, other = second - first, third - first

@@ -1,0 +1,72 @@
+"""Newton's method down the energy of a chart, to where it rests."""
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.parallel import look_for_stop
+from o3dleaf.leaf.chart.flattening.rigid_energy import RigidEnergy
+
+MAX_STEPS = 200
+"""Ten to thirty are usual."""
+AT_REST = 1e-12
+"""Share of the energy by which a step may still lower it when the chart is taken to rest."""
+UNSEEN = 1e-20
+"""Or the fall itself: lengths change by 1e-10 then, root mean square."""
+SUFFICIENT = 1e-4
+"""Share of the fall that a step promises at its start which it must keep (Armijo 1966)."""
+SHORTEST = 1e-10
+"""Share of a step that is tried last: what falls no more along it is at rest but for rounding."""
+SHIFT = 1e-13
+"""Of the Hessian's diagonal, added to it, so that what hangs on a single vertex has a place, too."""
+
+
+def descend_to_rest(energy: RigidEnergy, chart: FloatArray) -> FloatArray:
+    """Return the (n, 2) chart at rest of an energy, found from another one.
+
+    A long leaf bends in the plane for next to nothing: what is left to fall is a millionth where its end has a
+    millimeter to go. So a place along the way depends on how it was stopped, but not the rest itself.
+    """
+    value = energy(chart)
+    for _ in range(MAX_STEPS):
+        look_for_stop()
+        slope = energy.gradient(chart)
+        step = _step(energy, chart, slope)
+        fall = -float(np.vdot(slope, step))
+        share = 1.0
+        while (moved := energy(chart + share * step)) > value - SUFFICIENT * share * fall:
+            share /= 2
+            if share < SHORTEST:
+                return chart
+        chart, value = chart + share * step, moved
+        if fall <= max(AT_REST * value, UNSEEN):
+            break
+    return chart
+
+
+def _step(energy: RigidEnergy, chart: FloatArray, slope: FloatArray) -> FloatArray:
+    """Return Newton's step (n, 2); where the energy curves down, that of what it is without."""
+    free = _free(chart, energy.used)
+    for convex in (False, True):
+        matrix = energy.hessian(chart, convex=convex)[free][:, free]
+        matrix = matrix + SHIFT * scipy.sparse.diags_array(matrix.diagonal())
+        factors = scipy.sparse.linalg.splu(
+            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
+        if convex or (factors.U.diagonal() > 0).all():
+            break
+    step = np.zeros(slope.size)
+    step[free] = -factors.solve(slope.T.ravel()[free])
+    return np.ascontiguousarray(step.reshape(2, -1).T)
+
+
+def _free(chart: FloatArray, used: IntArray) -> IntArray:
+    """Return the unknowns that are left when the chart can neither be shifted nor turned: all u before all v."""
+    held = used[0]
+    away = chart - chart[held]
+    turned = used[np.argmax(np.hypot(*away[used].T))]
+    across = 0 if abs(away[turned, 1]) > abs(away[turned, 0]) else 1
+    unknowns = np.concatenate([used, used + len(chart)])
+    return np.setdiff1d(unknowns, [held, held + len(chart), turned + across * len(chart)])
