@@ -166,8 +166,8 @@ class Footprint:
             corners = tuple((crossed[:, np.newaxis] + [[0, 0], [0, 1], [1, 0], [1, 1]]).transpose(2, 0, 1))
             depth = np.where(distance[corners] > 0, -np.inf, distance[corners]).argmax(axis=1)
             i, j = (each[np.arange(len(crossed)), depth] for each in corners)
-            # A column on the margin is outside, too.
-            distance[i, j] = np.maximum(-distance[i, j], least)
+            # The sheet ends there: cut between them and columns outside, it would go on beyond the margin.
+            distance[i, j] = least
         return np.ascontiguousarray(distance[ROUNDS:-ROUNDS, ROUNDS:-ROUNDS])
 
     @property
