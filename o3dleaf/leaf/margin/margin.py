@@ -49,6 +49,8 @@ TOLD = 0.002
 TOGETHER = 0.1
 """Of the sample's extent, within which half of some points lie that have one place."""
 
+AHEAD = np.array([np.cos(1), np.sin(1)])
+
 
 @checked
 class Margin:
@@ -247,6 +249,8 @@ def _owners(rings: list[shapely.LinearRing], points: FloatArray) -> IntArray:
 def _start(area: shapely.Polygon, local: Spacing, *, hole: bool) -> tuple[FloatArray, FloatArray]:
     """Return the outer ring of an area without creases, in steps of a fraction of the spacing, and its sharp tips."""
     ring = shapely.get_coordinates(shapely.orient_polygons(area).exterior)[:-1]
+    # From the corner that is farthest out in some direction: a union begins its rings anywhere.
+    ring = np.roll(ring, -int(np.argmax(ring @ AHEAD)), axis=0)
     curve = _simple(smooth(resample(ring, local)[0], CREASE_WIDTH / STEP))
     return (curve[::-1], np.empty((0, 2))) if hole else with_tips(curve, local)
 

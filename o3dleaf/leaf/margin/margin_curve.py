@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from scipy.special import erfc
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.fitting.rbf.tail import IntArray
 
 STEP = 0.2
 """Step of a curve, in local spacings."""
@@ -20,6 +21,9 @@ CREASE_WIDTH = 0.5
 """The same for creases where growth has met itself."""
 MAX_NOISE = 0.75
 """Spacings of noise that growth is corrected for; more is taken for passes that disagree, which do not blur an edge."""
+
+MOST_PIECES = 64
+"""Pieces of a ring for each of its corners, at most, in which spacings are looked up."""
 
 
 @dataclass(frozen=True)
@@ -39,28 +43,30 @@ class Spacing:
 def resample(ring: FloatArray, spacing: Spacing, step: float = STEP) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return a closed curve (k, 2) in steps of `step` local spacings, its (k,) spacings, and where it was taken.
 
-    The last are numbers along the ring (k,), from 0 to its number of sides.
+    The last are lengths (k,) along the ring. They do not hang on its corners, as a union may have more by a rounding.
     """
-    closed = np.vstack([ring, ring[:1]])
-    lengths = np.hypot(*np.diff(closed, axis=0).T)
-    pieces = np.maximum(1, np.ceil(lengths / (2 * step * spacing.values.min()))).astype(int)
-    pieces = np.minimum(pieces, 64)
-    begin, side = np.cumsum(pieces) - pieces, np.repeat(np.arange(len(ring)), pieces)
-    number = np.append(side + (np.arange(len(side)) - begin[side]) / pieces[side], len(ring))
-    fine = _at(closed, number)
-    local = spacing((fine[1:] + fine[:-1]) / 2)
-    along = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(fine, axis=0).T) / local)])
+    lengths = lengths_along(ring)
+    most = MOST_PIECES * len(ring)
+    pieces = int(np.clip(np.ceil(lengths[-1] / (2 * step * spacing.values.min())), 1, most))
+    ends = np.linspace(0, lengths[-1], pieces + 1)
+    local = spacing(_at(ring, lengths, (ends[1:] + ends[:-1]) / 2))
+    along = np.concatenate([[0], np.cumsum(np.diff(ends) / local)])
     count = max(12, round(along[-1] / step))
-    taken = np.interp(np.arange(count) * (along[-1] / count), along, number)
-    places = _at(closed, taken)
+    taken = np.interp(np.arange(count) * (along[-1] / count), along, ends)
+    places = _at(ring, lengths, taken)
     return places, spacing(places), taken
 
 
-def _at(closed: FloatArray, number: FloatArray) -> FloatArray:
-    whole = np.minimum(number.astype(int), len(closed) - 2)
-    part = (number - whole)[:, None]
-    places: FloatArray = (1 - part) * closed[whole] + part * closed[whole + 1]
-    return places
+def lengths_along(ring: FloatArray) -> FloatArray:
+    """Return the lengths (r + 1,) along a ring (r, 2) up to its corners, the first one again at the end."""
+    sides = np.roll(ring, -1, axis=0) - ring
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*sides.T))])
+
+
+def _at(ring: FloatArray, lengths: FloatArray, taken: FloatArray) -> FloatArray:
+    """Return the places (k, 2) at lengths along a ring."""
+    closed = np.vstack([ring, ring[:1]])
+    return np.stack([np.interp(taken, lengths, column) for column in closed.T], axis=1)
 
 
 def smooth(values: FloatArray, width: float) -> FloatArray:
@@ -89,17 +95,25 @@ def margin_ring(
     """
     places, local, taken = resample(ring, spacing)
     curve = smooth(places, WIDTH / STEP)
-    line = shapely.LinearRing(ring)
-    where = shapely.line_locate_point(line, shapely.points(beside))
-    closed = np.vstack([ring, ring[:1]])
-    lengths = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
-    at = np.interp(taken, np.arange(len(lengths)), lengths)
-    nearest = np.searchsorted(np.append(at[1:], lengths[-1]), where, side="left") % len(at)
-    points = gaussian_filter1d(np.bincount(nearest, missing, minlength=len(at)), COUNT_WIDTH / STEP, mode="wrap")
+    lengths = lengths_along(ring)
+    where = lengths[cKDTree(ring).query(beside)[1]]
+    points = gaussian_filter1d(_shared_out(where, missing, taken, lengths[-1]), COUNT_WIDTH / STEP, mode="wrap")
     sides = np.hypot(*(np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)).T) / 2
     run = gaussian_filter1d(sides, COUNT_WIDTH / STEP, mode="wrap")
     growth = without_noise(points / np.maximum(run, 1e-3 * local), np.minimum(noise, MAX_NOISE * local))
     return curve, np.clip(growth, 0, 1.5 * local)
+
+
+def _shared_out(where: FloatArray, values: FloatArray, taken: FloatArray, length: float) -> FloatArray:
+    """Return the sums (k,) of values (b,) along a ring of some length, each shared out to the two places about it.
+
+    Whole, a value half-way between two places would go to either by a rounding.
+    """
+    before = np.searchsorted(taken, where, side="right") - 1
+    share = (where - taken[before]) / np.diff(np.append(taken, length))[before]
+    after, count = (before + 1) % len(taken), len(taken)
+    sums: FloatArray = np.bincount(before, values * (1 - share), count) + np.bincount(after, values * share, count)
+    return sums
 
 
 def without_noise(growth: FloatArray, noise: FloatArray) -> FloatArray:

@@ -81,7 +81,7 @@ def _tip(rounds: FloatArray, center: int, spacing: float) -> tuple[int, int, Flo
 
 
 def _centered(rounds: FloatArray, center: int, width: float) -> tuple[int, int]:
-    """Return the place of a tip that is farthest out, and the steps from it to where the flanks are `width` apart."""
+    """Return the place of a tip that is farthest from its base, and the steps from it to where the flanks are `width` apart."""
     count = len(rounds) // 3
     first = count
     for _ in range(3):
@@ -90,8 +90,8 @@ def _centered(rounds: FloatArray, center: int, width: float) -> tuple[int, int]:
             return center, count
         first = wide
         arc = rounds[count + center - first : count + center + first + 1]
-        x, y = (arc - (arc[0] + arc[-1]) / 2).T
-        last, center = center, (center - first + int(np.argmax(np.sqrt(x * x + y * y)))) % count
+        (x, y), (along, across) = (arc - arc[0]).T, arc[-1] - arc[0]
+        last, center = center, (center - first + int(np.argmax(x * across - y * along))) % count
         if center == last:
             break
     return center, first
