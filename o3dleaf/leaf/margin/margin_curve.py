@@ -9,7 +9,6 @@ from scipy.spatial import cKDTree
 from scipy.special import erfc
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.fitting.rbf.tail import IntArray
 
 STEP = 0.2
 """Step of a curve, in local spacings."""
@@ -21,7 +20,8 @@ CREASE_WIDTH = 0.5
 """The same for creases where growth has met itself."""
 MAX_NOISE = 0.75
 """Spacings of noise that growth is corrected for; more is taken for passes that disagree, which do not blur an edge."""
-
+EQUAL = 1 + 1e-6
+"""Ratio of distances up to which they differ by roundings."""
 MOST_PIECES = 64
 """Pieces of a ring for each of its corners, at most, in which spacings are looked up."""
 
@@ -95,25 +95,18 @@ def margin_ring(
     """
     places, local, taken = resample(ring, spacing)
     curve = smooth(places, WIDTH / STEP)
-    lengths = lengths_along(ring)
-    where = lengths[cKDTree(ring).query(beside)[1]]
-    points = gaussian_filter1d(_shared_out(where, missing, taken, lengths[-1]), COUNT_WIDTH / STEP, mode="wrap")
+    away, corner = cKDTree(ring).query(beside, k=2)
+    # A sharp corner was cut off when the region was grown, and both of what it became are as near.
+    second = np.where(away[:, 1] <= EQUAL * away[:, 0], 0.5, 0.0)
+    shares = missing[:, None] * np.stack([1 - second, second], axis=1)
+    lengths, count = lengths_along(ring), len(taken)
+    number = np.interp(lengths[corner].ravel(), np.append(taken, lengths[-1]), np.arange(count + 1))
+    sums = np.bincount(np.rint(number).astype(np.int64) % count, shares.ravel(), count)
+    points = gaussian_filter1d(sums, COUNT_WIDTH / STEP, mode="wrap")
     sides = np.hypot(*(np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)).T) / 2
     run = gaussian_filter1d(sides, COUNT_WIDTH / STEP, mode="wrap")
     growth = without_noise(points / np.maximum(run, 1e-3 * local), np.minimum(noise, MAX_NOISE * local))
     return curve, np.clip(growth, 0, 1.5 * local)
-
-
-def _shared_out(where: FloatArray, values: FloatArray, taken: FloatArray, length: float) -> FloatArray:
-    """Return the sums (k,) of values (b,) along a ring of some length, each shared out to the two places about it.
-
-    Whole, a value half-way between two places would go to either by a rounding.
-    """
-    before = np.searchsorted(taken, where, side="right") - 1
-    share = (where - taken[before]) / np.diff(np.append(taken, length))[before]
-    after, count = (before + 1) % len(taken), len(taken)
-    sums: FloatArray = np.bincount(before, values * (1 - share), count) + np.bincount(after, values * share, count)
-    return sums
 
 
 def without_noise(growth: FloatArray, noise: FloatArray) -> FloatArray:

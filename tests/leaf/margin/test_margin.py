@@ -1,19 +1,23 @@
 import numpy as np
 import pytest
 import shapely
+from scipy.spatial import cKDTree
 
 import planar_leaves as leaves
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.models.model_file import read_model, write_model
 from o3dleaf.leaf.margin.hole import Hole
 from o3dleaf.leaf.margin.margin import Margin
+from o3dleaf.leaf.margin.margin_curve import Spacing, resample
 from o3dleaf.leaf.saved.model_arrays import check_model
 from tolerances import (
     MARGIN_AREA,
     MARGIN_AREA_RANDOM,
     MARGIN_HELD,
     MARGIN_HELD_RANDOM,
+    MARGIN_MOVED,
     MARGIN_TURNED,
+    ON_RING,
     STRIP_AREA,
     TIP_LOST,
 )
@@ -100,6 +104,33 @@ def test_the_margin_turns_and_grows_with_the_points():
     assert turned.spacing == pytest.approx(3 * margin.spacing)
     moved = shapely.Polygon(3 * margin.ring @ turn + [100, -50])
     assert shapely.Polygon(turned.ring).symmetric_difference(moved).area < MARGIN_TURNED * turned.area
+
+
+@pytest.mark.parametrize(
+    ("leaf", "seed"), [(leaves.strip(10), 1), (leaves.strip(20), 2), (leaves.strip(20), 3), (leaves.eaten(6), 4)]
+)
+def test_a_rounding_of_the_points_is_one_of_the_margin(leaf, seed):
+    random = np.random.default_rng(seed)
+    points = leaves.uniform(leaf, 800, random)
+    margin = Margin.fit(points, noise=0.1)
+    moved = Margin.fit(points + 1e-11 * random.normal(size=points.shape), noise=0.1)
+    apart = margin.polygon.symmetric_difference(moved.polygon).area / margin.polygon.length
+    assert apart < MARGIN_MOVED * margin.spacing
+
+
+def test_where_a_ring_is_resampled_does_not_hang_on_its_corners():
+    random = np.random.default_rng(0)
+    ring = shapely.get_coordinates(leaves.eaten(6).exterior)[:-1]
+    side, share = np.sort(random.integers(0, len(ring), 200)), random.uniform(size=(200, 1))
+    between = ring[side] + share * (np.roll(ring, -1, axis=0)[side] - ring[side])
+    order = np.argsort(np.concatenate([np.arange(len(ring)), side + share[:, 0]]), kind="stable")
+    points = leaves.uniform(leaves.eaten(6), 800, random)
+    spacing = Spacing(cKDTree(points), random.uniform(0.5, 1.5, len(points)))
+    found, told, taken = resample(ring, spacing)
+    again, told_again, taken_again = resample(np.concatenate([ring, between])[order], spacing)
+    assert np.allclose(again, found, rtol=0, atol=ON_RING)
+    assert np.allclose(taken_again, taken, rtol=0, atol=ON_RING)
+    assert np.array_equal(told_again, told)
 
 
 def test_order_and_repeated_points_do_not_matter():

@@ -51,11 +51,14 @@ def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> flo
     seen = blurred(frame.noise)
     moved, bandwidth = widened(frame, seen)
     deep = frame.observed & (frame.half_width > INSIDE * seen.blur)
-    likelihood = np.empty(len(SHARES))
+    likelihood, before = np.empty(len(SHARES)), np.empty(0)
     for row in range(len(SHARES) - 1, -1, -1):  # the widest blur first: its curve is the easiest to find
         tried = np.maximum(SHARES[row] * frame.noise, SHARPEST)
+        if np.array_equal(tried, before):  # as sharp as it gets: found again it would differ by a rounding
+            likelihood[row] = likelihood[row + 1]
+            continue
         moved = most_likely(frame, tried, seen.information * seen.blur / tried * bandwidth**6, moved, STEPS)
-        likelihood[row] = _log_likelihood(frame, moved, tried, deep)
+        likelihood[row], before = _log_likelihood(frame, moved, tried, deep), tried
     return _peak(likelihood) * sample.noise
 
 
@@ -74,9 +77,12 @@ def _log_likelihood(frame: EdgeFrame, moved: FloatArray, blur: FloatArray, count
 
 
 def _peak(likelihood: FloatArray) -> float:
-    """Return the share of the greatest likelihood, by the parabola through it and its neighbors."""
-    row = int(np.argmax(likelihood))
-    if row in (0, len(SHARES) - 1):
-        return float(SHARES[row])
+    """Return the share of the greatest likelihood: the top of the parabola through it and its neighbors."""
+    best = int(np.argmax(likelihood))
+    row = min(max(best, 1), len(SHARES) - 2)
     before, peak, after = likelihood[row - 1 : row + 2]
-    return float(SHARES[row] + (SHARES[1] - SHARES[0]) * (before - after) / (2 * (before - 2 * peak + after)))
+    bend = before - 2 * peak + after
+    if bend >= 0:
+        return float(SHARES[best])
+    share = SHARES[row] + (SHARES[1] - SHARES[0]) * (before - after) / (2 * bend)
+    return float(np.clip(share, SHARES[0], SHARES[-1]))
