@@ -22,6 +22,7 @@ from o3dleaf.leaf.residuals.noise import local_noise, shared_residual
 from o3dleaf.leaf.residuals.off_blade import find_feet, find_outside, measure_spacing, points_on, rows_of_piece
 from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
 from o3dleaf.leaf.residuals.rounding import Rounding, find_rounding
+from o3dleaf.leaf.residuals.two_layers import TwoLayers, find_two_layers
 from o3dleaf.surface.cloud.usable_points import MIN_POINTS, usable_rows
 
 FAR = 3.0
@@ -62,7 +63,9 @@ class FitQuality:
     others : int
         Points of the scan that belong to other pieces, and count in no figure.
     distance : (n,) ndarray
-        Of the points from the blade, above it > 0: the residuals, in `unit`.
+        Of the points from the blade, above it > 0, or from their own of two layers: the residuals, in `unit`.
+    layers : TwoLayers or None
+        Where the blade runs midway between two layers of points, as both sides of a leaf.
     is_far, is_outside : (n,) ndarrays of bool
         Whether a point lies farther off the blade than `limit`; beside it, beyond its margin or in a hole, by more
         than a spacing and three noise deviations. No point is both, and none that was cut off as petiole is either.
@@ -106,6 +109,7 @@ class FitQuality:
     rows: IntArray
     others: int
     distance: FloatArray
+    layers: TwoLayers | None
     is_far: BoolArray
     is_outside: BoolArray
     is_cut: BoolArray
@@ -159,6 +163,9 @@ class FitQuality:
         plane, distance, feet = find_feet(blade, points, world, SLACK * step)
         once = usable_rows(points, None)
         spacing = measure_spacing(feet[once], world, distortion.area * blade.outline.area / len(places))
+        layers = find_two_layers(plane, feet, distance, once, spacing)
+        if layers is not None:
+            points, distance = layers.onto_blade(points, feet, distance)
         noise = local_noise(feet[once], distance[once])
         limit = max(FAR * noise, MIN_FAR * spacing)
         is_outside = find_outside(blade, plane, max(OUTSIDE * spacing, FAR * noise))
@@ -175,6 +182,7 @@ class FitQuality:
             rows=rows,
             others=len(whole) - len(rows),
             distance=distance,
+            layers=layers,
             is_far=is_far,
             is_outside=is_outside,
             is_cut=is_cut,
@@ -214,18 +222,7 @@ class FitQuality:
     @property
     def warnings(self) -> list[str]:
         """Warnings of what the blade does not hold, a line each with how much and where; empty for a good fit."""
-        lines = []
-        if self.repeated > MAX_REPEATED:
-            lines.append(
-                f"{tell_share(self.repeated)} of the points repeat others of the scan: each counts once; is it merged "
-                "with itself, or written twice?"
-            )
-        if self.rounding is not None:
-            lines.append(
-                f"{'xyz'[self.rounding.axis]} is rounded to steps of {self._length(self.rounding.step)}, where points "
-                f"are {self._length(self.spacing)} apart: the blade has terraces, or comes apart between them; give "
-                "the scan with more digits, or averaged in voxels of twice the step (voxel_down_sample)"
-            )
+        lines = self._warnings_of_scan()
         if self.far > MAX_FAR:
             lines.append(
                 f"{tell_share(self.far)} of the points lie more than {self._length(self.limit)} off the blade, "
@@ -261,6 +258,24 @@ class FitQuality:
             )
         return lines
 
+    def _warnings_of_scan(self) -> list[str]:
+        """Return the lines on the scan itself, by which all others are to be read."""
+        lines = []
+        if self.repeated > MAX_REPEATED:
+            lines.append(
+                f"{tell_share(self.repeated)} of the points repeat others of the scan: each counts once; is it merged "
+                "with itself, or written twice?"
+            )
+        if self.rounding is not None:
+            lines.append(
+                f"{'xyz'[self.rounding.axis]} is rounded to steps of {self._length(self.rounding.step)}, where points "
+                f"are {self._length(self.spacing)} apart: the blade has terraces, or comes apart between them; give "
+                "the scan with more digits, or averaged in voxels of twice the step (voxel_down_sample)"
+            )
+        if self.layers is not None:
+            lines.append(self.layers.tell(self.unit))
+        return lines
+
     def lines(self) -> list[str]:
         """Return what was measured, a line each, for a terminal."""
         half, most, nearly, largest = map(self._length, self.residuals)
@@ -285,6 +300,7 @@ class FitQuality:
             "noise": self.noise,
             "spacing": self.spacing,
             "shared": self.shared,
+            **({"layers": {"apart": self.layers.apart, "share": self.layers.share}} if self.layers else {}),
             "residuals": dict(zip(names, self.residuals, strict=True)),
             "far": {"limit": self.limit, "share": self.far, "places": _listed(self.far_places)},
             "outside": {"share": self.outside, "places": _listed(self.outside_places)},

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from o3dleaf.core.errors import InputError
@@ -33,12 +33,19 @@ class TextHead:
         Numbers of the known columns, from 0.
     decimal_comma : bool
         Whether 1,5 means one and a half; between semicolons it does.
+    unnamed : int
+        Columns of the first point beyond those that have a name, known or not.
     """
 
     skipped: int
     separator: str | None
     columns: dict[str, int]
     decimal_comma: bool
+    unnamed: int = 0
+
+    def one_further(self) -> "TextHead":
+        """Return the head of a file whose first column has no name: each name is the next column's."""
+        return replace(self, columns={name: place + 1 for name, place in self.columns.items()})
 
     def numbers(self, line: str) -> str:
         """Return a line without comment and quotes, with decimal points."""
@@ -112,7 +119,7 @@ def _head_of(file: Path, number: int, first: str, names: list[str]) -> TextHead:
             f"{file}: line {number}: {shown(first)} has {count} columns, none for {missing}; "
             "name those that there are, as columns 'x y z'"
         )
-    return head
+    return replace(head, unnamed=max(count - len(names), 0))
 
 
 def _own_names(file: Path, header: tuple[int, list[str]] | None) -> list[str]:

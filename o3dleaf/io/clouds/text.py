@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from o3dleaf.core import journal
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.errors import InputError
+from o3dleaf.core.errors import DataWarning, InputError
 from o3dleaf.io.clouds.columns import GROUPS, Columns
 from o3dleaf.io.clouds.header import TextHead, is_comment, lines_of, read_head, shown
 
@@ -15,13 +16,17 @@ SUFFIXES = (".txt", ".csv", ".asc")
 DECIMAL_COMMAS = re.compile(r"\d,\d+\s+[+-]?\d+,\d")
 """Two numbers with commas for points, and blanks between them."""
 
+MIN_COUNTED = 10
+"""Lines that a column counts, at least: of fewer points any coordinate may."""
+
 
 def read_text(file: Path, columns: str | Sequence[str] | None = None) -> Columns:
     """Return the points of a text file, with normals and colors where it names them.
 
     A header names the columns, in a line of its own or in a comment: x, y, z; nx, ny, nz; r, g, b or red, green, blue;
     others, such as intensity, are not read. Without a header the first three columns are x, y and z, and no other is
-    guessed at. Comments begin with # or //. A unit beside a name is not looked at: coordinates come as they stand.
+    guessed at. A first column that only counts the lines, and that no name is meant for, is left out and told. Comments
+    begin with # or //. A unit beside a name is not looked at: coordinates come as they stand.
 
     Parameters
     ----------
@@ -35,7 +40,59 @@ def read_text(file: Path, columns: str | Sequence[str] | None = None) -> Columns
     InputError
         If there is no point, columns are missing, or a line has no number where one belongs; it names the line.
     """
-    head = read_head(file, columns)
+    found = _columns(file, read_head(file, columns))
+    return found if columns is not None else _without_counter(file, None, found)
+
+
+def read_columns(file: Path, names: str) -> Columns:
+    """Return the points of a text whose first columns are known by its suffix, as "x y z nx ny nz".
+
+    A column before them that only counts the lines is left out and told.
+
+    Raises
+    ------
+    InputError
+        If a line has no number where one belongs; it names the line.
+    """
+    words = names.split()
+    try:
+        # In compiled code, as long as nothing but numbers and comments stands there.
+        rows = np.loadtxt(file, usecols=range(len(words)), comments="#", ndmin=2, dtype=np.float64)
+    except ValueError:
+        return _without_counter(file, names, _columns(file, read_head(file, names)))
+    groups = {group: [words.index(name) for name in each] for group, each in GROUPS.items() if set(each) <= set(words)}
+    return _without_counter(file, names, Columns(**{group: rows[:, places] for group, places in groups.items()}))
+
+
+def _without_counter(file: Path, names: str | None, found: Columns) -> Columns:
+    """Return the columns of a file, all one further on where the first one counts the lines and has no name."""
+    if not _is_counter(found.points):
+        return found
+    head = read_head(file, names)
+    if head.unnamed == 0 or head.columns["x"] != 0:
+        return found
+    journal.tell(
+        f"{file}: the first of its columns counts the points and is left out: x, y and z are the next three; "
+        "if it is x, name the columns, as 'x y z'",
+        DataWarning,
+    )
+    return _columns(file, head.one_further())
+
+
+def _is_counter(points: FloatArray) -> bool:
+    """Return whether the first of three columns counts the lines, or those left of them.
+
+    Whole numbers that rise by one are no coordinate of a surface's points; nor are such that rise by more beside
+    fractions, as where points were cut out of a cloud that was counted before.
+    """
+    first, others = points[:, 0], points[:, 1:]
+    if len(first) < MIN_COUNTED or np.any(first != np.floor(first)) or np.any(first[1:] <= first[:-1]):
+        return False
+    return bool(np.all(first[1:] == first[:-1] + 1) or np.any(others != np.floor(others)))
+
+
+def _columns(file: Path, head: TextHead) -> Columns:
+    """Return the columns that the head of a file names."""
     places = {
         group: [head.columns[name] for name in names]
         for group, names in GROUPS.items()
@@ -48,24 +105,6 @@ def read_text(file: Path, columns: str | Sequence[str] | None = None) -> Columns
         raise _first_fault(file, head, used) or InputError(f"{file}: cannot be read ({cause})") from cause
     parts = dict(zip(places, np.split(rows, len(places), axis=1), strict=True))
     return Columns(**parts)
-
-
-def read_columns(file: Path, names: str) -> Columns:
-    """Return the points of a text whose first columns are known by its suffix, as "x y z nx ny nz".
-
-    Raises
-    ------
-    InputError
-        If a line has no number where one belongs; it names the line.
-    """
-    words = names.split()
-    try:
-        # In compiled code, as long as nothing but numbers and comments stands there.
-        rows = np.loadtxt(file, usecols=range(len(words)), comments="#", ndmin=2, dtype=np.float64)
-    except ValueError:
-        return read_text(file, names)
-    groups = {group: [words.index(name) for name in each] for group, each in GROUPS.items() if set(each) <= set(words)}
-    return Columns(**{group: rows[:, places] for group, places in groups.items()})
 
 
 def _read(file: Path, head: TextHead, used: list[int]) -> FloatArray:

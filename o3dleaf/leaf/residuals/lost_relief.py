@@ -19,6 +19,10 @@ LAGS = (1.25, 1.5, 2.0)
 APART = 0.75
 """Spacings beyond which relief shows as well: what only nearest neighbors share, as along one line of a scanner that
 crosses others, or in voxels, is noise."""
+SECTORS = 8
+"""Of directions of pairs, each with a covariance C₀ of its own: that of noise which the points of a scan line have in
+common is one along the line and none across it, at any lag. Lines as far apart as the points along them, or farther,
+have pairs in directions 45° off and more up to about the longest lag: two sectors' width."""
 BEYOND_CHANCE = 3.0
 """Deviations by which an area must be missing: of smooth leaves one in 740 seems to lack that by chance."""
 MAX_LOST = 0.01
@@ -79,7 +83,8 @@ def find_lost_relief(plane: FloatArray, feet: FloatArray, distance: FloatArray, 
     .. math:: \operatorname{E}[z z' - S S'] = \operatorname{E}[h h' + h S' + S h'] = C_0 - \tfrac12 r^T G r + O(r^4)
 
     and tr G / 2 is the share M that is lacking, of steep relief √(1 + 2 M) − 1, as of one slope. Noise of single points
-    has no covariance at r > 0, whether the blade follows it or not. As
+    has no covariance at r > 0, whether the blade follows it or not; that of whole scan lines has the same one at any r
+    along them, and none in other directions, so that each of `SECTORS` directions has a C₀ of its own. As
     :math:`J_0(k r) - J_0(k t) ≤ k^2 (t^2 - r^2) / 4`, waves as short as the lags count for less than they have: the
     share is a lower bound, and of `LAGS` the one whose bound is highest is taken, if without pairs nearer than `APART`
     area is missing as well.
@@ -184,10 +189,11 @@ def _missing(pairs: _Pairs, least: float, most: float, group: IntArray) -> _Miss
     size = np.hypot(*pairs.lag.T)
     near = (least <= size) & (size <= most)
     (u, v), weight = pairs.lag[near].T, pairs.weight[near] / (pairs.weight[near].sum() or 1.0)
-    terms = np.stack([np.ones_like(u), u * u, 2 * u * v, v * v], axis=1)
+    sector = np.floor(np.arctan2(v, u) / np.pi * SECTORS).astype(np.int64) % SECTORS
+    terms = np.column_stack([u * u, 2 * u * v, v * v, sector[:, np.newaxis] == np.arange(SECTORS)])
     # Least squares of −G/2, of which the trace is wanted: a weighted sum of the products.
     inverse = np.linalg.pinv((terms.T * weight) @ terms, rcond=1e-6, hermitian=True)
-    trace = -weight * (terms @ (inverse @ [0.0, 1.0, 0.0, 1.0]))
+    trace = -weight * (terms @ (inverse[:, 0] + inverse[:, 2]))
     product = pairs.product[near]
     left = product - terms @ (inverse @ (terms.T @ (weight * product)))
     by_group = np.bincount(group[pairs.first[near]], trace * left)

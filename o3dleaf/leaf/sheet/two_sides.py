@@ -12,6 +12,7 @@ from o3dleaf.core.parallel import blocks
 from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
+from o3dleaf.leaf.residuals.two_layers import APART, BETWEEN, LESSER, MOST, SEEN
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.widths import PARALLEL, STEEP
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -21,18 +22,6 @@ from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
 NEAREST = 64, 256, 1024
 """Points around a place that its tangent plane is found from: of two sides they reach both where these are up to 4, 8
 and 17 spacings apart."""
-SEEN = 40
-"""Those of them that are nearest seen along the normal: six times as many as a quadric has coefficients."""
-BETWEEN = 0.15
-"""Residual variance about two parallel quadrics over that about one, up to which points lie on two sides: it is
-σ²/(σ² + d²/4) of sides d apart under noise σ, and of a single layer 1 - 2/π = 0.36 of normal noise, 0.25 of points that
-fill a slab evenly."""
-APART = 1.5
-"""Spacings of both sides together that these are apart at least; nearer ones are noise of one sheet."""
-LESSER = 0.075
-"""Share of the points on the lesser side at least, three of forty: fewer are stragglers."""
-MOST = 0.5
-"""Share of the places that have two sides from which on the scan is one of both sides."""
 NEARLY = 0.9
 """Share of the most two-sided places, from which on fewer points around places do: the leaf bends less there."""
 TRIED = 400

@@ -186,6 +186,8 @@ def require_enough(count: int, whole: int) -> None:
     """Raise `InputError` if too few points are left of the whole number."""
     if not whole:
         raise InputError(f"cloud: is empty; a surface needs at least {MIN_POINTS} points")
+    if whole < MIN_POINTS:
+        raise InputError(f"cloud: has {whole} points, too few to show a surface, which needs at least {MIN_POINTS}")
     if count < MIN_POINTS:
         raise InputError(
             f"cloud: {count} of {whole} points are left after removing repeated, outlying and non-finite ones; "

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from o3dleaf import read_point_cloud
-from o3dleaf.core.errors import InputError
+from o3dleaf.core.errors import DataWarning, InputError
 
 POINTS = np.random.default_rng(1).uniform(-900, 900, (7, 3))
 NORMALS = POINTS[:, ::-1] / np.linalg.norm(POINTS, axis=1, keepdims=True)
@@ -56,6 +56,45 @@ def test_without_names_the_first_three_are_coordinates_and_no_more_is_guessed(tm
     assert np.array_equal(cloud.points, POINTS)
     assert not cloud.has_normals()
     assert not cloud.has_colors()
+
+
+MORE = np.random.default_rng(2).uniform(-900, 900, (12, 3))
+COUNTED = np.column_stack([np.arange(12), MORE])
+CROPPED = np.column_stack([np.flatnonzero(np.random.default_rng(3).random(40) < 0.4)[:12], MORE])
+WHOLE = np.column_stack([np.arange(5, 17), np.round(MORE)])
+
+
+@pytest.mark.parametrize("table", [COUNTED, CROPPED, WHOLE])
+@pytest.mark.parametrize("name", ["scan.txt", "scan.xyz"])
+def test_a_column_that_counts_the_points_is_left_out_and_told(tmp_path, table, name):
+    file = written(tmp_path, rows(table), name)
+    with pytest.warns(DataWarning, match=r"first of its columns counts the points .* name the columns, as 'x y z'"):
+        cloud = read_point_cloud(file)
+    assert np.array_equal(cloud.points, table[:, 1:])
+    assert np.array_equal(read_point_cloud(file, columns="x y z").points, table[:, :3])
+
+
+def test_names_of_rows_before_those_of_a_header_are_left_out(tmp_path):
+    """As R's write.table has them: the header names one column fewer than there are."""
+    lines = "".join(f'"{i + 1}" {x!r} {y!r} {z!r} {i}\n' for i, (x, y, z) in enumerate(MORE.tolist()))
+    with pytest.warns(DataWarning, match="counts the points"):
+        cloud = read_point_cloud(written(tmp_path, '"x" "y" "z" "intensity"\n' + lines))
+    assert np.array_equal(cloud.points, MORE)
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        COUNTED[:, :3],  # no column is over
+        COUNTED[:9],  # too few to count
+        COUNTED[[0, 2, 1, *range(3, 12)]],  # not in order
+        COUNTED + [0.5, 0, 0, 0],  # not whole
+        np.column_stack([2 * np.arange(12), np.round(MORE)]),  # a row of a lattice of whole numbers
+        COUNTED[:, [1, 0, 2, 3]],
+    ],
+)
+def test_a_coordinate_is_taken_for_no_counter(tmp_path, table):
+    assert np.array_equal(read_point_cloud(written(tmp_path, rows(table))).points, table[:, :3])
 
 
 def test_decimal_commas_and_comments_between_points(tmp_path):

@@ -130,6 +130,18 @@ def test_a_vertex_that_was_moved_across_its_neighbors_is_put_back_inside(eaten):
     assert (repaired != flat).any(axis=1).sum() < 20
 
 
+def test_a_triangle_that_is_flat_but_for_rounding_gets_an_area(eaten):
+    """Its corners may be one point of a surface, and relaxing it on that surface would divide by its area."""
+    flat, triangles = eaten
+    inner = int(np.flatnonzero(np.hypot(*(flat - [90.0, 0.0]).T) < 3)[0])
+    around = triangles[(triangles == inner).any(axis=1)]
+    edge = around[0][around[0] != inner]
+    onto = flat.copy()
+    onto[inner] = flat[edge].mean(axis=0) + 1e-14 * (flat[inner] - flat[edge].mean(axis=0))
+    assert 0 < np.abs(chart_areas(onto, triangles)).min() < 1e-12
+    assert np.min(chart_areas(untangle(onto, triangles), triangles)) > 1e-3
+
+
 def test_a_map_that_winds_twice_around_a_place_is_no_chart(eaten):
     """z ↦ z²/|z| doubles all angles about 0: it flips nothing, and lies over itself everywhere."""
     flat, triangles = triangulated(ellipse(40.0, 40.0), 2.0)

@@ -32,6 +32,14 @@ def noise(plane, size):
     return size * np.random.default_rng(3).normal(size=len(plane))
 
 
+def lines(apart, turn, seed=0):
+    """Return places on scan lines that lie `apart` and cross a square askew, one to a unit square, and their lines."""
+    rng = np.random.default_rng(seed)
+    line, along = (each.ravel() for each in np.mgrid[0 : SIDE / apart, 0 : SIDE * apart])
+    places = np.column_stack([apart * line, along / apart]) + 0.1 / apart * rng.normal(size=(len(line), 2))
+    return places @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]], line.astype(int)
+
+
 def lost(plane, blade, scan):
     """Return what a blade's heights (n,) over a plane lack of a scan's."""
     return find_lost_relief(plane, np.column_stack([plane, blade]), scan - blade, 1.0)
@@ -51,6 +59,19 @@ def test_what_is_missing_is_the_area_of_the_scan_less_that_of_the_blade(held, si
     assert LOST_TO_SHORT_LAGS * truth - 3 * found.deviation <= found.share <= truth + 3 * found.deviation + 1e-12
     assert found.told == (held < 1)
     assert found.deviation < 0.015
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, 2.0])
+@pytest.mark.parametrize("apart", [1.0, 1.4, 2.0])
+def test_scan_lines_that_are_off_one_another_are_no_relief(apart, turn):
+    """Along a line heights have one covariance, and none across: the fall from one to the other is no slope."""
+    plane, line = lines(apart, turn)
+    shifts = 0.25 * np.random.default_rng(5).normal(size=line.max() + 1)
+    level = np.zeros(len(plane))
+    assert not lost(plane, level, shifts[line] + noise(plane, 0.05)).told
+    found = lost(plane, level, waves(plane) + noise(plane, 0.05))
+    assert found.told
+    assert found.share <= np.sqrt(1 + 2 * SLOPES) - 1 + 3 * found.deviation
 
 
 def test_of_steep_waves_no_more_is_missing_than_there_is():

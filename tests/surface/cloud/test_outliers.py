@@ -136,3 +136,11 @@ def test_a_wrapped_step_finds_what_the_bare_one_finds():
     assert np.array_equal(bare.points, wrapped.points)
     assert np.array_equal(bare.points, points[:-1])
     assert np.array_equal(usable_rows(points), np.arange(len(points) - 1))
+
+
+@pytest.mark.parametrize("count", [3, 9])
+def test_few_points_are_called_few_and_many_that_are_one_damaged(count):
+    with pytest.raises(InputError, match=f"has {count} points, too few to show a surface, which needs at least 10$"):
+        remove_faults(np.random.default_rng(1).random((count, 3)))
+    with pytest.raises(InputError, match=r"1 of 30 points .* is it damaged"):
+        remove_faults(np.ones((30, 3)))

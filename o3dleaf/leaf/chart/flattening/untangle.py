@@ -4,7 +4,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 from o3dleaf.surface.mesh.topology import EdgeTable
 
@@ -12,6 +12,9 @@ SWEEPS = 12
 """Over the corners of flipped triangles: each sweep can free the next ring around a knot."""
 MAX_FLIPPED = 0.02
 """Share of the triangles that may be flipped for it to be tried: more is no matter of single corners."""
+FLAT = 1e-12
+"""Area of a triangle over the square of its longest side up to which it has none but for rounding: its corners, lifted
+to a surface, may be one point, of which no angle is known."""
 
 
 def untangle(chart: FloatArray, triangles: IntArray) -> FloatArray | None:
@@ -23,16 +26,23 @@ def untangle(chart: FloatArray, triangles: IntArray) -> FloatArray | None:
     """
     chart = chart.copy()
     for _ in range(SWEEPS):
-        flipped = np.flatnonzero(~(chart_areas(chart, triangles) > 0))
+        flipped = np.flatnonzero(_is_flipped(chart, triangles))
         if not len(flipped):
             return None if winds_twice(chart, triangles) else chart
         if len(flipped) > max(2, MAX_FLIPPED * len(triangles)):
             return None
         for vertex in np.unique(triangles[flipped]):
             around = triangles[(triangles == vertex).any(axis=1)]
-            if (chart_areas(chart, around) <= 0).any():
+            if _is_flipped(chart, around).any():
                 chart[vertex] = _most_inside(chart, around, int(vertex))
     return None
+
+
+def _is_flipped(chart: FloatArray, triangles: IntArray) -> BoolArray:
+    """Return which triangles (m,) are flipped, or flat."""
+    corners = chart[triangles]
+    longest = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max(axis=1)
+    return np.asarray(~(chart_areas(chart, triangles) > FLAT * longest))
 
 
 def winds_twice(chart: FloatArray, triangles: IntArray) -> bool:
