@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 from cloud_shapes import slab, sphere, torus
-from o3dleaf import OrientedCloud, preprocess_point_cloud
+from o3dleaf import OrientedCloud, preprocess_point_cloud, samples
 from o3dleaf.surface.cloud import parity_loops
 from o3dleaf.surface.cloud.winding.consistency import make_consistent
 from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
-from tolerances import ALMOST_ALL, HALF_WINDING, ROUNDING, TREE_GRADIENT, TREE_WINDING
+from tolerances import ALMOST_ALL, FOLDED_SIDES, HALF_WINDING, ROUNDING, TREE_GRADIENT, TREE_WINDING
 
 
 def right(found, true):
@@ -160,6 +160,16 @@ def test_two_bodies_that_nearly_touch_are_not_joined_with_contrary_sides():
     cloud = preprocess_point_cloud(points)
     assert right(cloud.normals, normals) >= ALMOST_ALL - 0.002
     assert not any("open sheet" in note for note in cloud.notes)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_narrow_gap_of_a_noisy_fold_is_not_filled_up(seed):
+    fold = samples.fold(0.08)
+    spacing = 0.08 / 2.3
+    exact, _ = fold.sample(round(fold.area / spacing**2), seed)
+    points = exact + 0.43 * spacing * np.random.default_rng(seed).normal(size=exact.shape)
+    cloud = preprocess_point_cloud(points, outliers=None, branchings=None)
+    assert right(cloud.normals, fold.closest(cloud.points).normals) >= FOLDED_SIDES
 
 
 @pytest.mark.parametrize("thickness", [0.5, 2.0])

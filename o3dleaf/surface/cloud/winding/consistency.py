@@ -17,6 +17,9 @@ ROUNDS = 6
 """Of descent and turning, where most sides are right: ten change a hundredth of the doubtful points more."""
 WIDEST = 2.0
 """Width of the dipoles, in spacings, in the first round: patches of a few points feel what encloses them."""
+WIDEST_OF_DOUBTS = 1.3
+"""The same where most sides are known: of the slope at a sheet, one that faces it two spacings away leaves more than
+four fifths; of dipoles two spacings wide it leaves less than two thirds, and narrow gaps fill up in places."""
 NARROWEST = 0.5
 """The same in the last round on clean points: the radius of the disc that a point stands for is 0.56 spacings."""
 NOISE_WIDTH = 3.0
@@ -83,7 +86,7 @@ def settle_doubts(
     rough = across > DROWNED * along
     noise = float(np.quantile(across, QUIET))
     doubtful = (rough | find_opposed(surfels.points, sides, surfels.rows))[surfels.group]
-    found, uncertain = make_consistent(points, normals, surfels.spacing, noise, doubtful)
+    found, uncertain = make_consistent(points, normals, surfels.spacing, noise, doubtful, widest=WIDEST_OF_DOUBTS)
     if tears(surfels, sides, found):
         return normals, (TORN_NOTE,)
     along_both = np.einsum("ij,ij->i", found, normals)
@@ -145,6 +148,7 @@ def make_consistent(
     doubtful: npt.NDArray[np.bool_],
     *,
     rounds: int = ROUNDS,
+    widest: float = WIDEST,
 ) -> Consistent:
     r"""Return the normals of a closed surface, with those in doubt turned to where its own winding number falls.
 
@@ -165,6 +169,8 @@ def make_consistent(
     doubtful : (n,) ndarray of bool
     rounds : int
         At least two.
+    widest : float
+        Width of the dipoles in the first round, in spacings.
 
     References
     ----------
@@ -176,7 +182,7 @@ def make_consistent(
     area = wide[:, np.newaxis] ** 2
     flux = np.ascontiguousarray(normals[tree.order] * area)
     narrowest = np.maximum(NOISE_WIDTH * noise, NARROWEST * wide)
-    widest = np.maximum(WIDEST * wide, narrowest)
+    first = np.maximum(widest * wide, narrowest)
     number = tree.winding(flux, np.maximum(narrowest, wide), np.ones(len(points), bool))[:, 0]
     wanted = tree.with_leaves(doubtful[tree.order] | (np.abs(number - 0.5) > OFF_HALF))
     if not wanted.any():
@@ -184,7 +190,7 @@ def make_consistent(
     for left, part in zip(reversed(range(rounds)), progress.split(*rounds * [1]), strict=True):
         with part:
             share = left / (rounds - 1)
-            flux = _improved(tree, flux, share * widest + (1 - share) * narrowest, wanted)
+            flux = _improved(tree, flux, share * first + (1 - share) * narrowest, wanted)
     rows, consistent, uncertain = tree.order[wanted], normals.copy(), np.zeros(len(points), bool)
     consistent[rows] = flux[wanted] / np.linalg.norm(flux[wanted], axis=1, keepdims=True)
     fall = -np.einsum("ij,ij->i", tree.winding(flux, narrowest, wanted)[wanted, 1:], consistent[rows])
