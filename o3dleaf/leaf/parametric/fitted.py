@@ -23,6 +23,10 @@ RobustSmoothing: TypeAlias = SmoothingValue | Literal["robust"]
 
 KERNEL = "cubic"
 """r³: twice differentiable at its data, as the curvature of the blade needs."""
+MIN_CORNER = 0.125
+"""Corner of Huber's loss at least, in spacings: without noise the surface misses the crests of steep ruffles by more
+than the noise about planes, and follows them the less. A quarter of the points that lies off moves a surface by a third
+of its corner: by a twenty-fourth of a spacing."""
 FIRST_BANDWIDTH = 0.125
 """Bandwidth of the first surface, of the blade's mean width: it follows curls, and no pass of the scan."""
 COLLAR = 4.0
@@ -126,11 +130,18 @@ class SurfaceProblem:
         area = self.area * (1 + len(sites) / len(self.sites))
         return replace(self, sites=np.concatenate([self.sites, sites]), area=area, weights=weights, choice=None)
 
+    def stiffened(self, factors: FloatArray) -> "SurfaceProblem":
+        """Return the problem with the smoothing at each site times a factor (n,), if smoothing was chosen."""
+        if self.choice is None or self.weights is None:
+            return self
+        choice = replace(self.choice, factors=self.choice.factors / factors)
+        return replace(self, choice=choice, weights=self.weights / factors)
+
     def reweighted(self, heights: FloatArray) -> "SurfaceProblem":
         """Return the problem with Huber's weights for the distances (n,) of the sites from the surface."""
         if self.choice is None:
             return self
-        corner = HUBER * self.choice.noise
+        corner = max(HUBER * self.choice.noise, MIN_CORNER * self.spacing)
         return replace(
             self, weights=self.choice.factors * np.minimum(1.0, corner / np.maximum(np.abs(heights), corner))
         )

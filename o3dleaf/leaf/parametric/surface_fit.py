@@ -5,7 +5,7 @@ parameters, both are corrected in turn. The sheet of the first chart only says w
 """
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,9 +13,8 @@ from scipy.spatial import cKDTree
 from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
-from o3dleaf.core.units import tell_length
+from o3dleaf.core.units import tell_share
 from o3dleaf.leaf.chart.carry import carry_chart
 from o3dleaf.leaf.chart.flatten import LARGEST_FLAP, STEPPED, require_low_distortion
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
@@ -27,7 +26,7 @@ from o3dleaf.leaf.margin.margin import Margin, carry_margin
 from o3dleaf.leaf.margin.sheet_mesh import triangulate
 from o3dleaf.leaf.parametric.fitted import COLLAR, ChartMesh, RobustSmoothing, SurfaceFit, SurfaceProblem
 from o3dleaf.leaf.parametric.surface import ChartSurface
-from o3dleaf.leaf.parametric.tight_bends import Bend, tightest_bend
+from o3dleaf.leaf.parametric.tight_bends import Bends, tight_bends_on_sheet
 from o3dleaf.surface.cloud.downsample import thin
 from o3dleaf.surface.cloud.surfels import thinned
 
@@ -48,7 +47,7 @@ shows. A crease is a bend less tight than that, and stays."""
 STIFFER = 4.0
 """Factor of the smoothing from one fit to the next where the surface is folded: the bandwidth's is its fifth root."""
 MAX_RAISES = 4
-"""Fits with more smoothing at most: the bandwidth has then become three times as wide."""
+"""Fits with more smoothing at most, around folds and then all over: the bandwidth is then three times as wide."""
 MAX_STRETCHED = 0.5
 """Share of a folded surface that may be stretched below a half or above twice, for more smoothing to be tried: if most
 of it is, no fold is what is wrong."""
@@ -178,11 +177,19 @@ class _Settled:
     mesh: ChartMesh
     near: FloatArray
 
-    @property
-    def fold(self) -> Bend | None:
-        """The tightest bend on the sheet, if the surface turns back there on itself within a spacing."""
-        bend = tightest_bend(self.surface, self.mesh, self.near, self.problem.spacing)
-        return bend if bend is not None and bend.radius < FOLDED * self.problem.spacing else None
+    @cached_property
+    def folds(self) -> Bends:
+        """Where on the sheet the surface turns back on itself within a spacing."""
+        return tight_bends_on_sheet(self.surface, self.mesh, self.near, self.problem.spacing, FOLDED)
+
+    def nearness(self, places: FloatArray, plane: FloatArray, reach: float) -> FloatArray:
+        """Return how near the sites (n,) are to places (k, 2) of the chart: 1 there, 0 from a reach on (Wendland 1995).
+
+        Distances are those in another chart, in which the sites have the parameters `plane` (n, 2).
+        """
+        nearest = np.unique(query(cKDTree(self.near), places)[1])
+        away = np.minimum(query(cKDTree(plane[nearest]), plane)[0] / reach, 1.0)
+        return np.asarray((1 - away) ** 4 * (4 * away + 1))
 
 
 def _settle(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -> _Settled:
@@ -200,34 +207,37 @@ def _settle(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -> _Sett
 def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -> tuple[_Settled, tuple[str, ...]]:
     """Return the surface with as little more smoothing as leaves no fold between points of the scan, and a note.
 
-    Each begins at the first sheet, not at a folded one. A smoothing that was asked for by its number is kept. If
-    folds stay, it is the surface of the least tight ones. Of what is stretched for the most part none is tried: see
-    `MAX_STRETCHED`.
+    It is raised around the folds, and only if some are left all over. Each fit begins at the first sheet, not at a
+    folded one. A smoothing that was asked for by its number is kept. If folds stay, it is the surface of the least
+    tight ones. Of what is stretched for the most part none is tried: see `MAX_STRETCHED`.
     """
-    settled = _settle(problem, mesh, near)
-    first = fold = settled.fold
-    if first is None or problem.choice is None:
-        return settled, ()
-    laid = settled.mesh
+    first = best = settled = _settle(problem, mesh, near)
+    if not len(first.folds.radii) or problem.choice is None:
+        return first, ()
+    laid = first.mesh
     require_low_distortion(laid.vertices, laid.triangles, laid.chart, MAX_STRETCHED, STEPPED, mesh.vertices)
-    raised, best, radius = 1.0, settled, first.radius
-    for raises in range(1, MAX_RAISES + 1):
-        settled = _settle(replace(problem, smoothing=STIFFER**raises * problem.smoothing), mesh, near)
-        fold = settled.fold
-        if fold is None or fold.radius > radius:
-            raised, best, radius = STIFFER**raises, settled, np.inf if fold is None else fold.radius
-        if fold is None:
-            break
-    return best, (_said(first, raised, problem, left=fold is not None),)
+    ball = float(np.median(first.surface.cover.radii))
+    for reach in (ball, np.inf):
+        nearness = np.zeros(len(near))
+        for raises in range(1, MAX_RAISES + 1):
+            nearness = np.maximum(nearness, settled.nearness(settled.folds.places, near, reach))
+            settled = _settle(problem.stiffened(STIFFER ** (raises * nearness)), mesh, near)
+            if settled.folds.tightest > best.folds.tightest:
+                best = settled
+            if not len(settled.folds.radii):
+                return best, (_said(first, best, left=False),)
+    return best, (_said(first, best, left=True),)
 
 
-def _said(bend: Bend, raised: float, problem: SurfaceProblem, *, left: bool) -> str:
-    """Return the line that says why there is more smoothing, and whether it was enough."""
-    place, apart = tell_place(bend.place, problem.sites), tell_length(problem.spacing)
-    least = problem.spacing / 100
-    radius = f"less than {tell_length(least)}" if bend.radius < least else tell_length(bend.radius)
-    why = f"around {place} the surface bent to a radius of {radius}, where points are {apart} apart"
-    done = f"smoothing raised by {raised:g}" if raised > 1 else "smoothing kept, as more of it does not help"
+def _said(first: _Settled, best: _Settled, *, left: bool) -> str:
+    """Return the line that says why there is more smoothing, how much and where, and whether it was enough."""
+    problem = first.problem
+    why = first.folds.tell(first.surface, problem.sites, problem.spacing)
+    done = "smoothing kept, as more of it does not help"
+    if best is not first and problem.choice is not None and best.problem.choice is not None:
+        raised = problem.choice.factors / best.problem.choice.factors
+        share = tell_share(float((raised >= np.sqrt(raised.max())).mean()))
+        done = f"smoothing raised by up to {raised.max():.3g} around {share} of the points"
     return f"{done}: {why}{'; some folds are left' if left else ''}"
 
 

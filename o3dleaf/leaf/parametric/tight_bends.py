@@ -7,7 +7,9 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.surface import ChartSurface
 
@@ -33,22 +35,34 @@ def past_tight_bends(fit: SurfaceFit, spacing: float) -> BoolArray:
     return np.asarray(beside & (fit.mesh.distances(fit.feet) > PAST * spacing))
 
 
-class Bend(NamedTuple):
-    """A bend of a surface: its place in the world (3,), and its radius."""
+class Bends(NamedTuple):
+    """Bends of a surface: their places in its chart (k, 2), and their radii (k,)."""
 
-    place: FloatArray
-    radius: float
+    places: FloatArray
+    radii: FloatArray
+
+    @property
+    def tightest(self) -> float:
+        """The least radius; of none it is infinite."""
+        return float(self.radii.min(initial=np.inf))
+
+    def tell(self, surface: ChartSurface, points: FloatArray, spacing: float) -> str:
+        """Return a line on the tightest one; there must be one. Its place is told as those of points (n, 3) are."""
+        worst = self.places[[np.argmin(self.radii)]]
+        place, least = tell_place(surface.jet(worst, 0)[0][0], points), spacing / 100
+        radius = f"less than {tell_length(least)}" if self.tightest < least else tell_length(self.tightest)
+        return f"around {place} the surface bent to a radius of {radius}, where points are {tell_length(spacing)} apart"
 
 
-def tightest_bend(surface: ChartSurface, mesh: ChartMesh, feet: FloatArray, spacing: float) -> Bend | None:
-    """Return the tightest bend of a surface on its sheet around feet (n, 2), if one is too tight."""
+def tight_bends_on_sheet(
+    surface: ChartSurface, mesh: ChartMesh, feet: FloatArray, spacing: float, tightest: float = TIGHTEST
+) -> Bends:
+    """Return the bends of a surface on its sheet around feet (n, 2) whose radii are less than `tightest` spacings."""
     places = tight_bends(surface, feet, spacing)
     places = places[mesh.distances(places) <= PAST * spacing] if len(places) else places
-    if not len(places):
-        return None
-    bend = _bend(surface, places)
-    worst = int(np.argmax(bend))
-    return Bend(surface.jet(places[worst : worst + 1], 0)[0][0], float(1 / bend[worst]))
+    bends = Bends(places, 1 / _bend(surface, places))
+    tight = bends.radii < tightest * spacing
+    return Bends(bends.places[tight], bends.radii[tight])
 
 
 def tight_bends(surface: ChartSurface, feet: FloatArray, spacing: float) -> FloatArray:

@@ -18,10 +18,11 @@ from o3dleaf.leaf.parametric import fitted, surface_fit
 from o3dleaf.leaf.parametric.fitted import ChartMesh
 from o3dleaf.leaf.parametric.local_smoothing import choose_by_place
 from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface
-from o3dleaf.leaf.parametric.tight_bends import tightest_bend
+from o3dleaf.leaf.parametric.tight_bends import tight_bends_on_sheet
 from tests.sheet_shapes import spiral
 
 RADIUS, LENGTH, HALF_WIDTH = 6.0, 24.0, 5.0
+ENDS = ((0.0, LENGTH), (-HALF_WIDTH, HALF_WIDTH))
 NOISE = 0.02
 
 
@@ -36,9 +37,9 @@ def places(count, seed):
     return np.random.default_rng(seed).uniform([0, -HALF_WIDTH], [LENGTH, HALF_WIDTH], (count, 2))
 
 
-def strip(bias=0.0):
+def strip(bias=0.0, step=1.0):
     """Return a sheet of the strip; its chart is the plane, stretched along by `bias`."""
-    u, v = np.meshgrid(np.linspace(0, LENGTH, 25), np.linspace(-HALF_WIDTH, HALF_WIDTH, 11), indexing="ij")
+    u, v = np.meshgrid(*(np.linspace(*ends, round(np.ptp(ends) / step) + 1) for ends in ENDS), indexing="ij")
     plane = np.column_stack([u.ravel(), v.ravel()])
     triangles = Delaunay(plane).simplices.astype(np.int64)
     a, b, c = (plane[triangles[:, k]] for k in range(3))
@@ -132,6 +133,29 @@ def test_a_minority_that_lies_off_is_not_followed(scan):
     assert np.median(fit.heights[beside]) == pytest.approx(0.5, abs=tol.BESIDE_A_MAJORITY * NOISE)
 
 
+def test_nor_is_it_without_noise_but_within_the_least_corner(scan):
+    plane = scan[0]
+    beside = (plane[:, 0] > 6) & (plane[:, 0] < 15) & (np.arange(len(plane)) % 4 == 0)
+    fit = fit_chart_surface(np.where(beside[:, np.newaxis], roll(plane, 0.5), roll(plane)), strip())
+    off = np.quantile(off_cylinder(fit), 0.99)
+    assert off < tol.BESIDE_AN_EXACT_MAJORITY * fit.problem.spacing
+
+
+def test_ruffles_beside_a_flat_part_are_followed_without_noise():
+    """Waves six spacings long, up to 57° steep, of a strip that keeps its lengths: planes show no noise."""
+    spacing, way = np.sqrt(2 * LENGTH * HALF_WIDTH / 1800), np.linspace(-5, LENGTH + 5, 20_001)
+    turn = np.sin(2 * np.pi * np.maximum(way - 14, 0) / (6 * spacing))
+    along, up = (np.cumsum(part(turn)) * (way[1] - way[0]) for part in (np.cos, np.sin))
+
+    def ruffled(plane):
+        return np.column_stack([np.interp(plane[:, 0], way, along), plane[:, 1], np.interp(plane[:, 0], way, up)])
+
+    plane, sheet = places(1800, 0), strip(step=0.5)
+    fit = fit_chart_surface(ruffled(plane), replace(sheet, vertices=ruffled(sheet.chart)))
+    ends = (plane[:, 0] > 14) & (plane[:, 0] < LENGTH - 2) & (np.abs(plane[:, 1]) < HALF_WIDTH - 1)
+    assert np.sqrt(np.mean(fit.heights[ends] ** 2)) < tol.BESIDE_RUFFLES * spacing
+
+
 def test_a_flat_scan_without_noise_is_followed_where_it_bends():
     """Its own planes show no noise, of which the bend is no error either."""
     bent = LENGTH * 0.7
@@ -176,8 +200,7 @@ def test_no_surface_folds_between_points_however_little_smoothing_was_chosen(mon
     monkeypatch.setattr(fitted, "choose_by_place", too_little)
     fit = fit_chart_surface(points, strip())
     spacing = np.sqrt(strip().area / len(points))
-    tight = tightest_bend(fit.surface, fit.mesh, fit.feet, spacing)
-    assert tight is None or tight.radius * np.pi > spacing
+    assert not len(tight_bends_on_sheet(fit.surface, fit.mesh, fit.feet, spacing, 1 / np.pi).radii)
     note, *others = fit.notes
     assert note.startswith("smoothing raised by ")
     assert not others
@@ -205,3 +228,30 @@ def test_vertices_at_one_place_of_a_chart_are_put_apart_where_that_can_be(scan, 
         assert (found[other] == found[one]).all()
     else:
         assert (chart_areas(found, mesh.triangles) > 0).all()
+
+
+def test_smoothing_is_raised_only_around_a_fold(scan, monkeypatch):
+    """Elsewhere the fit is as it was; raised all over, it is another one."""
+    plane, points = scan
+    rough = np.hypot(plane[:, 0] - 3, plane[:, 1]) < 2
+    points = points + np.where(rough[:, np.newaxis], np.random.default_rng(7).normal(0, 0.1, points.shape), 0)
+
+    def too_little_there(*arguments):
+        choice = choose_by_place(*arguments)
+        return replace(choice, factors=np.where(rough, 1000.0, 1.0))
+
+    monkeypatch.setattr(fitted, "choose_by_place", too_little_there)
+    fit = fit_chart_surface(points, strip())
+    spacing = fit.problem.spacing
+    assert not len(tight_bends_on_sheet(fit.surface, fit.mesh, fit.near, spacing, surface_fit.FOLDED).radii)
+    assert fit.notes
+    assert "left" not in fit.notes[0]
+    beyond = plane[:, 0] > 5 + 2 * np.median(fit.surface.cover.radii)
+    factors = fit.problem.choice.factors
+    assert (factors[beyond] == 1.0).all()
+    assert factors[rough].min() < 1000.0
+    monkeypatch.setattr(surface_fit, "MAX_RAISES", 0)
+    folded = fit_chart_surface(points, strip())
+    assert "left" in folded.notes[0]
+    moved = np.abs(fit.heights - folded.heights)[beyond]
+    assert moved.max() < tol.ELSEWHERE_THAN_A_FOLD * spacing

@@ -1,12 +1,14 @@
 """Bends that are tighter than the points show: found by their radius, and left out only past the edge of the sheet."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
 
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.surface import ChartSurface
-from o3dleaf.leaf.parametric.tight_bends import past_tight_bends, tight_bends, tightest_bend
+from o3dleaf.leaf.parametric.tight_bends import past_tight_bends, tight_bends, tight_bends_on_sheet
 from sheet_shapes import triangulated
 
 SPACING = 0.5
@@ -52,14 +54,20 @@ def test_only_past_the_sheet_points_on_tight_bends_say_nothing_of_the_margin():
     assert not past_tight_bends(fitted(2.0 * SPACING, HALF), SPACING).any()
 
 
-def test_the_tightest_bend_of_a_sheet_is_on_it():
+def test_the_tight_bends_of_a_sheet_are_on_it():
     past, whole = fitted(0.6 * SPACING, HALF), fitted(0.6 * SPACING, HALF + OVER + 0.1)
-    assert tightest_bend(fitted(2.0 * SPACING, HALF).surface, past.mesh, past.feet, SPACING) is None
-    inner = past.feet[:, 1] < HALF - 2 * SPACING
-    assert tightest_bend(past.surface, past.mesh, past.feet[inner], SPACING) is None
-    bend = tightest_bend(whole.surface, whole.mesh, whole.feet, SPACING)
-    assert bend.radius < SPACING
-    assert bend.place[1] > HALF - SPACING / 2
+
+    def tight(fit, feet=slice(None), **radius):
+        return tight_bends_on_sheet(fit.surface, fit.mesh, fit.feet[feet], SPACING, **radius)
+
+    assert tight(replace(past, surface=fitted(2.0 * SPACING, HALF).surface)).tightest == np.inf
+    assert not len(tight(past, past.feet[:, 1] < HALF - 2 * SPACING).radii)
+    bends = tight(whole)
+    assert (bends.radii < SPACING).all()
+    assert (bends.places[:, 1] > HALF - SPACING / 2).all()
+    assert bends.tightest == bends.radii.min()
+    # Of those, the ones that are tighter still.
+    tighter = np.median(bends.radii) / SPACING
+    assert np.array_equal(tight(whole, tightest=tighter).places, bends.places[bends.radii < tighter * SPACING])
     # The flat part alone as the sheet: the bend lies past its edge.
-    short = fitted(0.6 * SPACING, HALF - 2 * SPACING)
-    assert tightest_bend(short.surface, short.mesh, short.feet, SPACING) is None
+    assert not len(tight(fitted(0.6 * SPACING, HALF - 2 * SPACING)).radii)
