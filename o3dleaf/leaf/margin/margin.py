@@ -48,7 +48,6 @@ TOLD = 0.002
 """Share of the points that may lie outside without a note."""
 TOGETHER = 0.1
 """Of the sample's extent, within which half of some points lie that have one place."""
-
 AHEAD = np.array([np.cos(1), np.sin(1)])
 """The direction in which a ring's first corner is farthest out: no axis of a leaf, along which two may be as far."""
 

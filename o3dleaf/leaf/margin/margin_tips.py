@@ -81,7 +81,7 @@ def _tip(rounds: FloatArray, center: int, spacing: float) -> tuple[int, int, Flo
 
 
 def _centered(rounds: FloatArray, center: int, width: float) -> tuple[int, int]:
-    """Return the place of a tip that is farthest from its base, and the steps from it to where the flanks are `width` apart."""
+    """Return where a tip is farthest from its base, and the steps from it to where the flanks are `width` apart."""
     count = len(rounds) // 3
     first = count
     for _ in range(3):
