@@ -821,7 +821,7 @@ ON_MARGIN = (0.2, 0.5)
 """Of the step: 99 % of a mesh's edge, and all of it, from an outline with corners, which are cut off; found 0.09 and
 0.3. Whole cells end up to a step and more inside."""
 
-TURNED = 1.25
+TAKEN_INSIDE = 1.25
 """Steps that columns taken inside lie off the margin of a spike narrower than a cell; of 320 shapes, found 1.002."""
 
 RIM_DISTANCE = 1e-5

@@ -26,7 +26,7 @@ from o3dleaf.errors import InputError
 from o3dleaf.leaf import paper_pipeline, pipeline
 from o3dleaf.leaf.macro.midrib import find_midrib
 from o3dleaf.samples import wheat_ct, wheat_scan
-from tolerances import ON_SURFACE, SURFACE_ORDER, THINNED_AREA, THINNED_NOISES, TURNED
+from tolerances import ON_SURFACE, SURFACE_ORDER, TAKEN_INSIDE, THINNED_AREA, THINNED_NOISES
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +135,7 @@ def test_the_multiscale_leaf_is_two_clean_sheets(leaf):
     assert surface.voids > 0
     plane = leaf.blade.flatten(np.asarray(sheets.mesh.vertices))[:, :2]
     beside = shapely.distance(leaf.blade.outline.polygon, shapely.points(plane))
-    assert beside.max() <= (TURNED * 0.3 if leaf.blade.open_edges == "cut" else 1e-9)
+    assert beside.max() <= (TAKEN_INSIDE * 0.3 if leaf.blade.open_edges == "cut" else 1e-9)
     # Both faces cover the outline: each is at least as large as the plane under it, less the rim's steps.
     assert report.area > 2 * 0.95 * leaf.blade.outline.area
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.instancing.footprint import CUT, MIN_DEPTH, OUTSIDE, ROUNDING, WHOLE, footprint
-from tolerances import TURNED
+from tolerances import TAKEN_INSIDE
 
 SHAPE = 32, 35
 """Cells of a place."""
@@ -112,4 +112,4 @@ def test_a_column_taken_inside_lies_less_than_a_cell_off(seed, kind):
     area = footprint(sides_of(kind(seed)), np.zeros(2), np.ones(2), None)
     distance = area.distances(*area.box)
     turned = (area.single_distances(*area.box) > 0) & (distance < -ROUNDING)
-    assert 0 < -distance[turned].min() < (np.sqrt(0.5) if kind is slits else TURNED)
+    assert 0 < -distance[turned].min() < (np.sqrt(0.5) if kind is slits else TAKEN_INSIDE)
