@@ -1,10 +1,12 @@
 """Points averaged across their surface, so that passes of a scanner that disagree become one sheet."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.average_loops import project_onto_planes, thin_cells
 from o3dleaf.surface.cloud.cells import Cells
 
@@ -35,7 +37,21 @@ def average_across(
     for _ in range(ROUNDS if moves.any() else 0):
         points, _ = _project(points, radius, moves)
     wide = radius if planes is None else np.maximum(radius, 2 * planes)
-    return points, _project(points, wide, np.zeros(len(points), bool))[1]
+    return points, _known(points, _project(points, wide, np.zeros(len(points), bool))[1], wide)
+
+
+def _known(points: FloatArray, normals: FloatArray, wide: FloatArray) -> FloatArray:
+    """Return normals (n, 3), that of the nearest plane where fewer than three points are in reach (n,): as at a tip.
+
+    Through two points there are many planes, of which a rounding would choose one.
+    """
+    tree = cKDTree(points)
+    of_few = query(tree, points, k=[3])[0][:, 0] >= wide
+    if not of_few.any() or of_few.all():
+        return normals
+    known = np.flatnonzero(~of_few)
+    normals[of_few] = normals[known[query(cKDTree(points[known]), points[of_few])[1]]]
+    return normals
 
 
 def _project(points: FloatArray, radius: FloatArray, moves: BoolArray) -> tuple[FloatArray, FloatArray]:

@@ -326,6 +326,14 @@ def test_averaging_leaves_a_plane_and_moves_no_point_along_it():
     assert np.array_equal(average_across(noisy, np.zeros(2000), 0.5)[0], noisy)
 
 
+def test_two_points_beside_a_sheet_have_its_plane():
+    rng = np.random.default_rng(5)
+    plane = np.column_stack([10 * rng.random((2000, 2)), np.zeros(2000)])
+    beside = np.array([[12.0, 5.0, 0.1], [12.5, 5.0, 0.3]])
+    _, normals = average_across(np.concatenate([plane, beside]), np.zeros(2002), 0.5)
+    assert np.abs(normals[:, 2]) == pytest.approx(1)
+
+
 def test_thinned_points_are_apart_and_cover_the_others():
     points = np.random.default_rng(4).random((3000, 3)) * [1, 1, 0.1]
     rows = thin(points, np.full(3000, 0.05))
