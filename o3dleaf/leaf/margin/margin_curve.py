@@ -22,7 +22,7 @@ MAX_NOISE = 0.75
 """Spacings of noise that growth is corrected for; more is taken for passes that disagree, which do not blur an edge."""
 EQUAL = 1 + 1e-6
 """Ratio of distances up to which they differ by roundings."""
-MOST_PIECES = 64
+MAX_PIECES = 64
 """Pieces of a ring for each of its corners, at most, in which spacings are looked up."""
 
 
@@ -45,8 +45,8 @@ def resample(ring: FloatArray, spacing: Spacing, step: float = STEP) -> tuple[Fl
 
     The last are lengths (k,) along the ring. They do not hang on its corners, as a union may have more by a rounding.
     """
-    lengths = lengths_along(ring)
-    most = MOST_PIECES * len(ring)
+    lengths = _lengths_along(ring)
+    most = MAX_PIECES * len(ring)
     pieces = int(np.clip(np.ceil(lengths[-1] / (2 * step * spacing.values.min())), 1, most))
     ends = np.linspace(0, lengths[-1], pieces + 1)
     local = spacing(_at(ring, lengths, (ends[1:] + ends[:-1]) / 2))
@@ -57,7 +57,7 @@ def resample(ring: FloatArray, spacing: Spacing, step: float = STEP) -> tuple[Fl
     return places, spacing(places), taken
 
 
-def lengths_along(ring: FloatArray) -> FloatArray:
+def _lengths_along(ring: FloatArray) -> FloatArray:
     """Return the lengths (r + 1,) along a ring (r, 2) up to its corners, the first one again at the end."""
     sides = np.roll(ring, -1, axis=0) - ring
     return np.concatenate([[0.0], np.cumsum(np.hypot(*sides.T))])
@@ -99,7 +99,7 @@ def margin_ring(
     # A sharp corner was cut off when the region was grown, and both of what it became are as near.
     second = np.where(away[:, 1] <= EQUAL * away[:, 0], 0.5, 0.0)
     shares = missing[:, None] * np.stack([1 - second, second], axis=1)
-    lengths, count = lengths_along(ring), len(taken)
+    lengths, count = _lengths_along(ring), len(taken)
     number = np.interp(lengths[corner].ravel(), np.append(taken, lengths[-1]), np.arange(count + 1))
     sums = np.bincount(np.rint(number).astype(np.int64) % count, shares.ravel(), count)
     points = gaussian_filter1d(sums, COUNT_WIDTH / STEP, mode="wrap")
