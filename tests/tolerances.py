@@ -974,6 +974,15 @@ BLADE_MOVED = 1e-9
 """Share of a blade's area that changes when its points are moved by 1e-12; found 3e-12. Charts that stopped before they
 were at rest and margins that chose by a rounding changed it by 0.02."""
 
+HEIGHT_OF_LAYERS = 0.5
+"""Of the noise: the median of how far layers found through forty points lie off those that there are."""
+
+ROUNDED_MOVE = 1e-12
+"""Of places tens of units from the origin that were moved along a unit vector."""
+
+UNFLATTENED = 1e-3
+"""Area of triangles that were flat but for a rounding of 1e-14, in a chart whose triangles have one of 0.5 or so."""
+
 MARGIN_MOVED = 1e-9
 """Spacings that a margin lies elsewhere in the mean when its points are moved by 1e-11; found 5e-12. Each decision that
 hung on a rounding moved it by 1e-5 to 1e-2."""

@@ -82,6 +82,12 @@ def test_names_of_rows_before_those_of_a_header_are_left_out(tmp_path):
     assert np.array_equal(cloud.points, MORE)
 
 
+def test_a_coordinate_that_counts_behind_another_column_is_kept(tmp_path):
+    table = np.column_stack([MORE[:, 0], COUNTED[:, :3], MORE[:, 0]])
+    cloud = read_point_cloud(written(tmp_path, "time x y z\n" + rows(table)))
+    assert np.array_equal(cloud.points, table[:, 1:4])
+
+
 @pytest.mark.parametrize(
     "table",
     [

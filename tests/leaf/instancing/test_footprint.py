@@ -107,7 +107,7 @@ def test_no_cell_is_crossed_twice_whatever_the_window(shape):
 
 @settings(max_examples=8)
 @given(seed=st.integers(0, 10_000), kind=st.sampled_from([slits, spikes]))
-def test_a_column_taken_inside_lies_less_than_a_cell_off(seed, kind):
+def test_a_column_taken_inside_lies_little_more_than_a_cell_off(seed, kind):
     """At the end of a slit half its diagonal; beside a tip columns may follow one another out, to the next column."""
     area = footprint(sides_of(kind(seed)), np.zeros(2), np.ones(2), None)
     distance = area.distances(*area.box)

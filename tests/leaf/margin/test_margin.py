@@ -7,7 +7,7 @@ import planar_leaves as leaves
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.models.model_file import read_model, write_model
 from o3dleaf.leaf.margin.hole import Hole
-from o3dleaf.leaf.margin.margin import Margin
+from o3dleaf.leaf.margin.margin import Margin, _start
 from o3dleaf.leaf.margin.margin_curve import Spacing, resample
 from o3dleaf.leaf.saved.model_arrays import check_model
 from tolerances import (
@@ -131,6 +131,14 @@ def test_where_a_ring_is_resampled_does_not_hang_on_its_corners():
     assert np.allclose(again, found, rtol=0, atol=ON_RING)
     assert np.allclose(taken_again, taken, rtol=0, atol=ON_RING)
     assert np.array_equal(told_again, told)
+
+
+def test_a_margin_does_not_hang_on_where_the_ring_of_an_area_begins():
+    points = leaves.uniform(leaves.strip(20), 800, np.random.default_rng(0))
+    spacing = Spacing(cKDTree(points), np.full(len(points), leaves.true_spacing(leaves.strip(20), points)))
+    ring = shapely.get_coordinates(leaves.strip(20).exterior)[:-1]
+    curves = [_start(shapely.Polygon(np.roll(ring, by, axis=0)), spacing, hole=False)[0] for by in (0, len(ring) // 3)]
+    assert np.allclose(*curves, rtol=0, atol=ON_RING)
 
 
 def test_order_and_repeated_points_do_not_matter():

@@ -6,7 +6,7 @@ import pytest
 from blade_fields import RolledBlade
 from o3dleaf.leaf.fit_quality import FitQuality
 from o3dleaf.leaf.residuals.two_layers import find_two_layers
-from tolerances import DISTANCE_OF_SIDES, NOISE_OF_NEIGHBORS
+from tolerances import DISTANCE_OF_SIDES, HEIGHT_OF_LAYERS, NOISE_OF_NEIGHBORS, ROUNDED_MOVE
 
 SIDE = 40.0
 NOISE = 0.1
@@ -38,7 +38,9 @@ def test_each_point_is_judged_by_its_own_layer(turn, share):
     side, errors = sides(len(plane), share), NOISE * normal(len(plane))
     found = layers_of(plane, side * half + errors)
     thick = half > 5 * NOISE
-    assert np.median(np.abs(found.height - side * half)[thick]) < NOISE / 2
+    off = np.abs(found.height - side * half)
+    # At the border, where all neighbors are on one side of a place, as well.
+    assert max(np.median(off[thick]), np.median(off[plane[:, 0] < 1])) < HEIGHT_OF_LAYERS * NOISE
     assert found.apart == pytest.approx(2 * np.median(half[half > 0.75]), rel=DISTANCE_OF_SIDES)
     axes = np.linalg.qr(np.array([[1, turn, 0], [0, 1, turn], [0, 0, 1]]))[0]
     feet = np.column_stack([plane, np.zeros(len(plane))]) @ axes
@@ -46,8 +48,8 @@ def test_each_point_is_judged_by_its_own_layer(turn, share):
     moved, rest = found.onto_blade(points, feet, side * half + errors)
     # The median: some places have too few points of a lesser side.
     assert np.median(np.abs(rest[thick])) == pytest.approx(0.6745 * NOISE, rel=NOISE_OF_NEIGHBORS)
-    assert np.allclose((moved - feet) @ axes[2], rest, atol=1e-12)
-    assert np.allclose(np.linalg.norm(moved - feet, axis=1), np.abs(rest), atol=1e-12)
+    assert np.allclose((moved - feet) @ axes[2], rest, atol=ROUNDED_MOVE)
+    assert np.allclose(np.linalg.norm(moved - feet, axis=1), np.abs(rest), atol=ROUNDED_MOVE)
 
 
 @pytest.mark.parametrize(
