@@ -984,8 +984,8 @@ UNFLATTENED = 1e-3
 """Area of triangles that were flat but for a rounding of 1e-14, in a chart whose triangles have one of 0.5 or so."""
 
 MARGIN_MOVED = 1e-9
-"""Spacings that a margin lies elsewhere in the mean when its points are moved by 1e-11; found 5e-12. Each decision that
-hung on a rounding moved it by 1e-5 to 1e-2."""
+"""Spacings that a margin lies elsewhere in the mean when its points are moved by 1e-11; found 5e-12. Each decision by a
+rounding moved it by 1e-5 to 1e-2."""
 
 ON_RING = 1e-9
 """Of places on a ring 40 across, and lengths along it, that are the same but for roundings."""

@@ -43,7 +43,7 @@ class Spacing:
 def resample(ring: FloatArray, spacing: Spacing, step: float = STEP) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return a closed curve (k, 2) in steps of `step` local spacings, its (k,) spacings, and where it was taken.
 
-    The last are lengths (k,) along the ring. They do not hang on its corners, as a union may have more by a rounding.
+    The last are lengths (k,) along the ring. None depends on its corners, of which a union may have more by a rounding.
     """
     lengths = _lengths_along(ring)
     most = MAX_PIECES * len(ring)

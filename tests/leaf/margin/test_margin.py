@@ -118,7 +118,7 @@ def test_a_rounding_of_the_points_is_one_of_the_margin(leaf, seed):
     assert apart < MARGIN_MOVED * margin.spacing
 
 
-def test_where_a_ring_is_resampled_does_not_hang_on_its_corners():
+def test_where_a_ring_is_resampled_does_not_depend_on_its_corners():
     random = np.random.default_rng(0)
     ring = shapely.get_coordinates(leaves.eaten(6).exterior)[:-1]
     side, share = np.sort(random.integers(0, len(ring), 200)), random.uniform(size=(200, 1))
@@ -133,7 +133,7 @@ def test_where_a_ring_is_resampled_does_not_hang_on_its_corners():
     assert np.array_equal(told_again, told)
 
 
-def test_a_margin_does_not_hang_on_where_the_ring_of_an_area_begins():
+def test_a_margin_does_not_depend_on_where_the_ring_of_an_area_begins():
     points = leaves.uniform(leaves.strip(20), 800, np.random.default_rng(0))
     spacing = Spacing(cKDTree(points), np.full(len(points), leaves.true_spacing(leaves.strip(20), points)))
     ring = shapely.get_coordinates(leaves.strip(20).exterior)[:-1]
