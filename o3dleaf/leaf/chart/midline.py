@@ -43,6 +43,9 @@ LONGER = 1.1
 """Times the first axis that the curve may get; beyond, it winds about a fork of the blade, and what was is kept."""
 AT_REST = 0.003
 """Share of the width that the curve may still move when it has come to rest."""
+FROM_END = (0.75, 1.25)
+"""Own lengths from the curve's ends between which a section comes to count: of the end's own outline it shows less and
+less. Were it all or nothing, the curve could go back and forth between two sets of sections."""
 WIDER = 1.25
 """Times the other end's that the width about a fifth of the length inside is at the base, or else the mean to the end;
 less is a tie, and the base is the lower end. Nearer to the ends the width is that of a cut, a bite or a tip."""
@@ -189,8 +192,8 @@ def _stations(outline: Any, curve: FloatArray) -> int:
 def _recenter(outline: Any, curve: FloatArray, *, fixed: bool) -> FloatArray:
     """Return the curve through the middles of its sections, smoothed, and on to the outline at its ends.
 
-    Sections nearer to an end than their length show that end's own outline, not the margins; there the curve goes
-    on as it bends before.
+    Sections nearer to an end than about their length show that end's own outline, not the margins; there the curve
+    goes on as it bends before.
     """
     middles, widths = cut_across(outline, curve, normals_of(curve))
     at = reached(curve)
@@ -199,7 +202,7 @@ def _recenter(outline: Any, curve: FloatArray, *, fixed: bool) -> FloatArray:
     far = np.linalg.norm(move, axis=1) / (outline.area / at[-1] / 2)
     middles = curve + move / np.maximum(far, 1)[:, np.newaxis]
     left = np.minimum(at, at[-1] - at)
-    held = (left >= widths) & (widths > 0)
+    held = np.interp(left / np.maximum(widths, np.finfo(float).tiny), FROM_END, (0.0, 1.0)) * (widths > 0)
     if held.sum() < 8:
         held = (left >= 0.25 * at[-1]) & (widths > 0)
     if held.sum() < 3:

@@ -4,8 +4,9 @@ import shapely
 from scipy.spatial import cKDTree
 
 from o3dleaf.leaf.chart.axis.ends import SLICES, slice_axis
+from o3dleaf.leaf.chart.axis.sections import resample, within
 from o3dleaf.leaf.chart.flattening.geodesics import Ways
-from o3dleaf.leaf.chart.midline import find_midline
+from o3dleaf.leaf.chart.midline import _recenter, find_midline
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, ellipse, lobed, rolled, sickle, triangulated
 
@@ -61,6 +62,20 @@ def test_the_midrib_is_midway_and_ends_in_the_middle_of_the_base_and_at_the_tip(
     assert max(first, last) < tol.MIDRIB_END * found.width
     steps = np.linalg.norm(np.diff(found.curve, axis=0), axis=1)
     assert np.ptp(steps) < 0.01 * steps.mean()
+
+
+def test_the_curve_through_the_middles_moves_no_farther_than_the_one_before():
+    """By some times as much: else no round would be near the one before, and the midrib need not come to rest."""
+    at = np.linspace(0, 1, 400)
+    half = 6 * np.minimum(1, 8 * (1 - at))
+    above, below = half * (1 + 0.2 * np.sin(14 * np.pi * at)), -half * (1 + 0.2 * np.cos(14 * np.pi * at))
+    axis = straight(120)
+    outline = shapely.Polygon(np.concatenate([axis + above[:, None] * [0, 1], (axis + below[:, None] * [0, 1])[::-1]]))
+    step = 0.01
+    shifted = [resample(within(outline, axis + shift * np.array([1, 0])), 72) for shift in np.arange(-2, 2, step)]
+    curves = [resample(_recenter(outline, curve, fixed=False), 72) for curve in shifted]
+    moved = np.linalg.norm(np.diff(curves, axis=0), axis=-1).max(axis=1)
+    assert 0.1 * step < moved.max() < tol.RECENTERED * step
 
 
 @pytest.mark.parametrize(
