@@ -940,7 +940,7 @@ MIDWAY = 0.08
 half-way between the margins that are left is 0.12 off there, and 0.25 at the bite."""
 
 RECENTERED = 5.0
-"""Times what the curve before was moved by: found 2; 130 where a section counts wholly or not at all."""
+"""Times what the curve before was moved by: found 2.6; 130 where a section counts wholly or not at all."""
 
 MIDRIB_END = 0.1
 """Of the width, from the middle of the base and from the tip: found 0.075; a corner of the base is 0.5 off."""
