@@ -1,10 +1,11 @@
 """Clouds without normals, of thin parts under noise: at which scale they are a surface, and how many sides are right.
 
-python scripts/measure_sides.py [--points N] [--noise SHARE ...] [--seeds N]
+python scripts/measure_sides.py [--points N] [--noise SHARE ...] [--seeds N] [--wires]
 
 Flatness is that of neighborhoods of sixteen points, and of twelve over it; balls and boxes that points fill are there
 to compare with. Noise is in shares of the diagonal; a side is right where a normal faces as the solid's does at the
-nearest place.
+nearest place. With --wires, instead: three wires in a row, and one among six, by their radius, gaps and noise in
+spacings; right is the mean of all seeds, and the least.
 """
 
 import argparse
@@ -21,6 +22,15 @@ from o3dleaf.surface.cloud.surfels import FEW, flatness_of
 
 SOLIDS = ("fold", "fins", "gap", "bumps")
 FILLED = ("ball", "box")
+WIRES = [(1.5, 1.0), (1.5, 2.0), (1.5, 3.0), (2.0, 1.0), (2.0, 2.0), (3.0, 1.0)]
+"""Radius and gap."""
+WIRE_NOISE, WIRE_LENGTH = (0.0, 0.2, 0.4), 40.0
+TURN = np.arange(6) * np.pi / 3
+PLACES = {
+    "row of three": np.array([[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]]),
+    "one among six": np.vstack([[[0.0, 0.0]], np.column_stack([np.cos(TURN), np.sin(TURN)])]),
+}
+"""Of wires, in distances between their axes."""
 
 
 def main():
@@ -28,7 +38,11 @@ def main():
     parser.add_argument("--points", type=int, default=10_000)
     parser.add_argument("--noise", type=float, nargs="+", default=[0.002, 0.005], help="of the box's diagonal")
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--wires", action="store_true", help="wires side by side instead")
     args = parser.parse_args()
+    if args.wires:
+        measure_wires(args.seeds)
+        return
     table = Table(title="Sides of clouds without normals")
     for name in ("cloud", "noise", "seed", "flatness", "of twelve", "thinned", "planes of", "right"):
         table.add_column(name)
@@ -44,6 +58,42 @@ def main():
                 points = exact + sigma * np.random.default_rng(seed).normal(size=exact.shape)
                 table.add_row(kind, f"{noise:.1%}", str(seed), *scale_of(points), share_right(solid, points))
     Console(width=100).print(table)
+
+
+def measure_wires(seeds):
+    """Print which share of the normals of wires side by side is on the right side."""
+    table = Table(title="Wires side by side, a point per unit area")
+    for name in ("wires", "radius", "gap", "noise", "right", "least"):
+        table.add_column(name)
+    for kind, places in PLACES.items():
+        for radius, gap in WIRES:
+            for noise in WIRE_NOISE:
+                shares = [right_of_wires(places * (2 * radius + gap), radius, noise, seed) for seed in range(seeds)]
+                row = kind, radius, gap, noise, f"{np.mean(shares):.1%}", f"{np.min(shares):.1%}"
+                table.add_row(*map(str, row))
+    Console(width=100).print(table)
+
+
+def right_of_wires(places, radius, noise, seed):
+    """Return the share of right normals of round-ended wires at places (k, 2), 0 where they are refused.
+
+    By Archimedes their ends have as much area for a piece of the axis as their middles.
+    """
+    rng = np.random.default_rng(seed)
+    count = round(2 * np.pi * radius * (WIRE_LENGTH + 2 * radius))
+    along = rng.uniform(-radius, WIRE_LENGTH + radius, (len(places), count))
+    angle = rng.uniform(0, 2 * np.pi, along.shape)
+    foot = np.clip(along, 0, WIRE_LENGTH)
+    level = np.sqrt(radius**2 - (along - foot) ** 2)
+    way = np.stack([level * np.cos(angle), level * np.sin(angle), along], axis=-1)
+    way += noise * rng.normal(size=way.shape)
+    points = (way + np.append(places, np.zeros((len(places), 1)), axis=1)[:, np.newaxis]).reshape(-1, 3)
+    way[..., 2] -= np.clip(way[..., 2], 0, WIRE_LENGTH)
+    try:
+        normals = o3l.orient_normals(points).normals
+    except O3DLeafError:
+        return 0.0
+    return np.mean(np.einsum("ij,ij->i", normals, way.reshape(-1, 3)) > 0)
 
 
 def filled(kind, count, seed):

@@ -681,6 +681,10 @@ FOLDED_SIDES = 0.975
 """Share of normals on the right side in a fold 2.3 spacings thick, and as wide, under noise of 0.43: found 0.981 and
 0.989. Dipoles two spacings wide in the first round, that fill the gap up in places, leave 0.945 and 0.966."""
 
+CLEAR_SIDE = 1e-3
+"""Share of a side, from −1 to 1, from which its sign is that of the exact solution: moves below 1e-4 do not count, and
+what is left is a few times as much."""
+
 SETTLED_SIDES = 1e-9
 """Least move of a side, from −1 to 1, while they are weighed: what is left is a few times as much. Found 1e-11; 0.15
 where only neighbors of what moved are looked at again."""

@@ -9,7 +9,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.orientation.orientation import estimate_normals
 from o3dleaf.surface.cloud.orientation.viewpoint import face_viewpoint
 from o3dleaf.surface.cloud.orientation.viewpoint_loops import weigh_sides
-from tolerances import SETTLED_SIDES
+from tolerances import CLEAR_SIDE, SETTLED_SIDES
 
 
 def room(count, seed=0):
@@ -90,6 +90,36 @@ def test_sides_are_weighed_to_the_solution_of_the_linear_system():
         matrix[row, rows[row, 1:]] -= weights / np.abs(weights).sum()
     assert weigh_sides(rows, some, agreement, steepness, SETTLED_SIDES, 10_000, facing) < 10_000
     assert np.abs(facing - np.linalg.solve(matrix, right)).max() < 10 * SETTLED_SIDES
+
+
+def test_normals_are_turned_where_the_equation_of_sides_has_a_negative_solution():
+    """Planes of chance, all seen from one place: neighbors count by the less of what they agree mirrored or straight.
+
+    Of neighbors whose two signs differ nothing is known, and of planes seen at 45° or more nobody asks.
+    """
+    rng = np.random.default_rng(6)
+    points, normals = rng.uniform(size=(600, 3)), rng.normal(size=(600, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, np.newaxis]
+    eye = 1e6 * np.array([0.6, 0.0, 0.8])
+    rows = OrientedCloud.of(points).neighbors.row
+    square = (normals @ eye / 1e6) ** 2
+    facing = np.sign(normals @ eye)[:, np.newaxis] * normals
+    matrix, right = np.eye(600), np.ones(600)
+    for i in np.flatnonzero(square < 0.5):
+        other, way = facing[rows[i, 1:]], points[rows[i, 1:]] - points[i]
+        way /= np.linalg.norm(way, axis=1)[:, np.newaxis]
+        straight = other @ facing[i]
+        mirrored = straight - 2 * (way @ facing[i]) * np.einsum("ij,ij->i", way, other)
+        known = np.where(straight * mirrored > 0, np.minimum(np.abs(straight), np.abs(mirrored)), 0.0)
+        tangent = square[i] / (1 - square[i])
+        matrix[i, i], right[i] = 1 + tangent, tangent
+        matrix[i, rows[i, 1:]] = -np.sign(straight) * known / known.sum()
+    share = np.linalg.solve(matrix, right)
+    clear = np.abs(share) > CLEAR_SIDE
+    found = np.einsum("ij,ij->i", face_viewpoint(points, normals, np.broadcast_to(eye, (600, 3)), rows), facing)
+    assert clear.mean() > 0.99
+    assert (share < 0).mean() > 0.1
+    assert (np.sign(found) == np.sign(share))[clear].all()
 
 
 def test_normals_into_a_room_are_kept_and_into_a_closed_surface_are_turned():

@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
 
-from cloud_shapes import slab, sphere, torus
+from cloud_shapes import slab, sphere, torus, wires
 from o3dleaf import OrientedCloud, preprocess_point_cloud, samples
 from o3dleaf.surface.cloud import parity_loops
+from o3dleaf.surface.cloud.orientation.orientation import orient_normals
+from o3dleaf.surface.cloud.orientation.sides import find_sides
 from o3dleaf.surface.cloud.winding.consistency import make_consistent
 from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
@@ -123,6 +125,22 @@ def test_rings_that_nearly_touch_are_told_apart(gap):
     both = np.vstack([points, other[0] + [0, 0, 0.7 + gap * spacing]]), np.vstack([normals, other[1]])
     cloud = preprocess_point_cloud(both[0], outliers=None, branchings=None)
     assert right(cloud.normals, both[1]) >= (ALMOST_ALL if gap >= 1 else 0.985)
+
+
+@pytest.mark.parametrize(("radius", "gap", "noise"), [(1.5, 3.0, 0.4), (2.0, 1.5, 0.2)])
+def test_wires_side_by_side_are_no_sheet(radius, gap, noise):
+    """Seen from farther off they are one, and nearer by their neighbors contradict one another."""
+    points, normals = wires([(k * (2 * radius + gap), 0) for k in range(3)], radius=radius, noise=noise)
+    cloud = OrientedCloud.of(points)
+    assert find_sides(cloud.surfels).contradictory
+    assert right(orient_normals(cloud).normals, normals) >= ALMOST_ALL
+
+
+def test_a_bundle_of_wires_that_is_half_settled_is_settled_once_more():
+    """One wire among six: its neighbors join it with contrary sides."""
+    turn = np.arange(6) * np.pi / 3 + 0.2
+    points, normals = wires([(0, 0), *zip(6 * np.cos(turn), 6 * np.sin(turn), strict=True)], noise=0.3, seed=3)
+    assert right(orient_normals(OrientedCloud.of(points)).normals, normals) >= ALMOST_ALL
 
 
 def test_sides_that_points_do_not_tell_apart_are_counted_with_their_place():

@@ -156,27 +156,26 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     if sides.contradictory:
         return _orient_apart(points, *finest)
     found = Orientation(*split_sheets(middle, _notes(surfels, sides)))
-    if TWO_SHEETS_NOTE in found.notes:
+    if TWO_SHEETS_NOTE in found.notes or sides.enclosed < OPEN:
         return found
-    if sides.enclosed < OPEN:
-        anew = close_anew(points, surfels, sides.normals, found.normals)
-        return found if anew is None else Orientation(*anew)
     normals, notes = settle_doubts(points, surfels, sides.normals, found.normals)
     return Orientation(normals, (*found.notes, *notes))
 
 
 def _close_sheets(points: FloatArray, surfels: Surfels, sides: Sides, middle: Middle) -> Orientation | None:
-    """Return the normals (n, 3) of two sheets that groups of points do not tell apart, or None where they show one.
+    """Return the normals (n, 3) of sheets so close that neighbors take them for one or join them, or None.
 
-    The wall of a vessel is such, though its middle encloses something, the hollow.
+    The wall of a vessel is such, though its middle encloses something, the hollow. What seems to enclose nothing is
+    asked as a whole before it is coarsened: wires beside one another are no sheet, though at a distance they look it.
     """
     if middle.excess < TWO_CLEAR_SHEETS and not sides.contradictory:
         found = Orientation(*split_sheets(middle, _notes(surfels, sides)))
         if sides.enclosed < OPEN:
             return found
         return found._replace(normals=settle_sheets(points, surfels.spacing, found.normals))
-    if sides.enclosed < OPEN and TWO_CLEAR_SHEETS <= middle.excess < TWO_SHEETS:
-        anew = close_anew(points, surfels, sides.normals, middle.normals, thin=True)
+    if sides.enclosed < OPEN:
+        thin = TWO_CLEAR_SHEETS <= middle.excess < TWO_SHEETS
+        anew = close_anew(points, surfels, sides.normals, middle.normals, thin=thin)
         return None if anew is None else Orientation(*anew)
     return None
 

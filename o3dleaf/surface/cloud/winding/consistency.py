@@ -1,5 +1,6 @@
 """Normals found from the winding number of the whole, where neighbors alone leave them in doubt."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -58,10 +59,20 @@ TORN_NOTE = (
 
 
 class Consistent(NamedTuple):
-    """Unit normals (n, 3), and which of the points' sides remain uncertain (n,)."""
+    """Unit normals (n, 3) made consistent.
+
+    Attributes
+    ----------
+    normals : (n, 3) ndarray
+    uncertain : (n,) ndarray of bool
+        Points whose sides remain uncertain.
+    off_half : float
+        Root of the mean square of the winding number's difference from 1/2, of the normals as they were given.
+    """
 
     normals: FloatArray
     uncertain: npt.NDArray[np.bool_]
+    off_half: float
 
 
 def settle_doubts(
@@ -71,7 +82,8 @@ def settle_doubts(
 
     In doubt are planes that are no planes, and normals that a neighbor's opposes. Directions that are as they should be
     but for noise are kept. So are all normals where others would contradict their neighbors along a line on a sheet:
-    a sheet that is rolled up encloses something, but not by its sides.
+    a sheet that is rolled up encloses something, but not by its sides. Where so many sides were wrong that the winding
+    number was off 1/2 by what puts a point in doubt in the mean of all, what is in doubt then is settled once more.
 
     Parameters
     ----------
@@ -86,13 +98,16 @@ def settle_doubts(
     rough = across > DROWNED * along
     noise = float(np.quantile(across, QUIET))
     doubtful = (rough | find_opposed(surfels.points, sides, surfels.rows))[surfels.group]
-    found, uncertain = make_consistent(points, normals, surfels.spacing, noise, doubtful, widest=WIDEST_OF_DOUBTS)
-    if tears(surfels, sides, found):
+    settle = partial(make_consistent, points, spacing=surfels.spacing, noise=noise, widest=WIDEST_OF_DOUBTS)
+    found = settle(normals, doubtful=doubtful)
+    if found.off_half > OFF_HALF:
+        found = settle(found.normals, doubtful=found.uncertain)
+    if tears(surfels, sides, found.normals):
         return normals, (TORN_NOTE,)
-    along_both = np.einsum("ij,ij->i", found, normals)
+    along_both = np.einsum("ij,ij->i", found.normals, normals)
     alike = np.abs(along_both) * np.hypot(1.0, TILT * noise / surfels.spacing) >= 1
-    settled = np.where(alike[:, np.newaxis], np.sign(along_both)[:, np.newaxis] * normals, found)
-    return settled, uncertain_notes(points, Consistent(settled, uncertain))
+    settled = np.where(alike[:, np.newaxis], np.sign(along_both)[:, np.newaxis] * normals, found.normals)
+    return settled, uncertain_notes(points, found)
 
 
 def settle_sheets(points: FloatArray, spacing: FloatArray, normals: FloatArray) -> FloatArray:
@@ -183,10 +198,11 @@ def make_consistent(
     flux = np.ascontiguousarray(normals[tree.order] * area)
     narrowest = np.maximum(NOISE_WIDTH * noise, NARROWEST * wide)
     first = np.maximum(widest * wide, narrowest)
-    number = tree.winding(flux, np.maximum(narrowest, wide), np.ones(len(points), bool))[:, 0]
-    wanted = tree.with_leaves(doubtful[tree.order] | (np.abs(number - 0.5) > OFF_HALF))
+    off = tree.winding(flux, np.maximum(narrowest, wide), np.ones(len(points), bool))[:, 0] - 0.5
+    off_half = float(np.sqrt(np.mean(off**2)))
+    wanted = tree.with_leaves(doubtful[tree.order] | (np.abs(off) > OFF_HALF))
     if not wanted.any():
-        return Consistent(normals, wanted)
+        return Consistent(normals, wanted, off_half)
     for left, part in zip(reversed(range(rounds)), progress.split(*rounds * [1]), strict=True):
         with part:
             share = left / (rounds - 1)
@@ -195,7 +211,7 @@ def make_consistent(
     consistent[rows] = flux[wanted] / np.linalg.norm(flux[wanted], axis=1, keepdims=True)
     fall = -np.einsum("ij,ij->i", tree.winding(flux, narrowest, wanted)[wanted, 1:], consistent[rows])
     uncertain[rows] = fall < UNCLEAR / (2 * narrowest[wanted])  # w = (1 - h/sqrt(h^2 + s^2))/2 at height h over a plane
-    return Consistent(consistent, uncertain)
+    return Consistent(consistent, uncertain, off_half)
 
 
 def _improved(tree: DipoleTree, flux: FloatArray, width: FloatArray, wanted: npt.NDArray[np.bool_]) -> FloatArray:
