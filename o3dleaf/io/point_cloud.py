@@ -32,7 +32,7 @@ OTHERS = {
     ".pcd": read_pcd,
 }
 """Readers of formats that are no text and no mesh, by suffix; libraries of the first ones are extras."""
-WITH_COLUMNS = (*text.SUFFIXES, ".xyz")
+WITH_COLUMNS = (*text.SUFFIXES, *NAMED)
 """Formats whose columns can be named."""
 
 

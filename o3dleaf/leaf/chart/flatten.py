@@ -24,7 +24,10 @@ WORST = (0.5, 2.0)
 """Stretch beyond which a texture has no meaning: it would be half or twice as wide as measured."""
 WORST_SHARE = 0.01
 """Of the area, beyond `WORST`, that is refused: less is a fold of a few triangles at a rough margin."""
-BAG = "it is closed there like a bag or a tube, not a blade; cut the scan there, or reconstruct it without a chart"
+BAG = (
+    "it is closed there like a bag or a tube, or blades are joined there; cut the scan there, or reconstruct it "
+    "without a chart"
+)
 STEPPED = "it steps there from one thing to another, a leaf and what lies under or beside it; cut those apart"
 OVERLAP = 1e-3
 """Share of the area that may lie twice in the chart: the banks of a slit that close over each other by a hair."""

@@ -178,10 +178,11 @@ def _pieces_named(scan: FloatArray, sheet: OpenSheet, options: BladeOptions) -> 
     except ReconstructionError as cause:
         if options.piece is not None or sheet.leftovers is None or len(sheet.leftovers.pieces) < 2:
             raise
-        pieces = find_sheet(scan, one_sheet=options.one_sheet).leftovers
-        if pieces is None or len(pieces.pieces) < 2:
+        whole = find_sheet(scan, one_sheet=options.one_sheet)
+        if whole.leftovers is None or len(whole.leftovers.pieces) < 2:
             raise
-        raise pieces.named_in(cause) from cause
+        why = cause if whole.blades is None else ReconstructionError(f"scan: {whole.blades}", cause.places)
+        raise whole.leftovers.named_in(why) from cause
 
 
 def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray, _Parted]:

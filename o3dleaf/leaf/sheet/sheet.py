@@ -17,13 +17,16 @@ from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes, split_bow_ties
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.parting import other_layers
+from o3dleaf.leaf.sheet.pieces.blades import find_blades
 from o3dleaf.leaf.sheet.pieces.crossing import find_crossing
 from o3dleaf.leaf.sheet.pieces.leaf_pair import LeafPair
 from o3dleaf.leaf.sheet.pieces.leftovers import Leftovers, tell_averaging, tell_cuts
 from o3dleaf.leaf.sheet.pieces.necks import find_necks
+from o3dleaf.leaf.sheet.pieces.peaks import JoinedParts
 from o3dleaf.leaf.sheet.pieces.resting import find_resting
 from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.pieces.table import Table, find_table
+from o3dleaf.leaf.sheet.pieces.tube_ends import find_tube_ends
 from o3dleaf.leaf.sheet.scan_lines import without_scan_lines
 from o3dleaf.leaf.sheet.widths import (
     LINK,
@@ -88,6 +91,10 @@ class OpenSheet:
         Where a piece was asked for, the points of the scan that belong to other ones.
     off_sheet : tuple of str
         Where a piece was asked for, a line on what of it lies off the sheet, if more than stragglers does.
+    tube : (k, 3) ndarray
+        Vertices around ends of tubes, which belong to no blade laid flat.
+    blades : str or None
+        Which blades leave a tube, if several do: no chart lays them flat together.
     """
 
     vertices: FloatArray
@@ -99,6 +106,8 @@ class OpenSheet:
     leftovers: Leftovers | None = None
     others: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
     off_sheet: tuple[str, ...] = ()
+    tube: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    blades: str | None = None
 
 
 def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool = True) -> OpenSheet:
@@ -142,14 +151,16 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
         found = _with_strays(found, scan, used)
         table = find_table(scan, used)
         joined = pair if table is None or not table.joined else table
-        parts, notes = _parts(scan, found, joined)
+        blades = None if joined is not None else find_blades(found.vertices, found.triangles, found.tube)
+        parts, notes = _parts(scan, found, joined, blades)
         leftovers = Leftovers.of(scan, found.rows, found.vertices, found.triangles, found.spacing, parts)
         if piece is not None and (piece > 1 or parts):
             return _sheet_of_piece(leftovers, piece, one_sheet=one_sheet)
         if joined is not None:
             notes = (joined.tell(found.rows, leftovers.listed()),)
         others = found.others if piece is None else leftovers.others(piece)
-        return replace(found, leftovers=leftovers, notes=(*found.notes, *notes), others=others)
+        told = None if blades is None else blades.note
+        return replace(found, leftovers=leftovers, notes=(*found.notes, *notes), others=others, blades=told)
 
 
 class _Solved(NamedTuple):
@@ -188,16 +199,17 @@ def _pieces_apart(
 
 
 def _parts(
-    scan: FloatArray, sheet: OpenSheet, joined: LeafPair | Table | None
+    scan: FloatArray, sheet: OpenSheet, joined: LeafPair | Table | None, blades: JoinedParts | None
 ) -> tuple[tuple[IntArray, ...], tuple[str, ...]]:
-    """Return the rows of each part of a sheet that can be asked for, and a line on necks between them."""
+    """Return the rows of each part of a sheet that can be asked for, and a line on blades or on necks between them."""
     if joined is not None:
         return joined.parts, ()
-    necks = find_necks(sheet.vertices, sheet.triangles)
-    if necks is None:
+    parts = blades or find_necks(sheet.vertices, sheet.triangles)
+    if parts is None:
         return (), ()
-    part = necks.part[query(cKDTree(sheet.vertices), scan[sheet.rows])[1]]
-    return tuple(sheet.rows[part == each] for each in range(int(part.max()) + 1)), (necks.note,)
+    part = parts.part[query(cKDTree(sheet.vertices), scan[sheet.rows])[1]]
+    rows = tuple(sheet.rows[part == each] for each in range(int(part.max()) + 1))
+    return rows, (f"{parts.note}: `piece` takes one of them",)
 
 
 def _with_strays(sheet: OpenSheet, scan: FloatArray, used: IntArray) -> OpenSheet:
@@ -218,7 +230,9 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> tuple[Ope
     normals = vertex_normals(vertices, triangles)
     overlaps = nearest_layers(vertices, normals, WIDEST * spacing, STEEP)
     vertices, triangles, flaps = cut_off_flaps(vertices, triangles, same_facing(overlaps))
+    ends = find_tube_ends(vertices, triangles)  # before they are closed as holes, and where small holes lie beside
     vertices, triangles = fill_small_holes(vertices, triangles, 2 * np.pi * sheets.gap)
+    ends = np.concatenate([ends, find_tube_ends(vertices, triangles)])
     vertices, triangles, slits = _opened(vertices, triangles)
     held = distance_to_mesh(vertices, triangles, sheets.points) <= OFF * spacing
     if held.sum() < FEWEST:
@@ -239,7 +253,7 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> tuple[Ope
     notes = averaged + slits + tell_cuts(sheets.cut, flaps, scan)
     whole = spacing * float(np.sqrt(held.sum() / len(rows)))
     scale = float(solved.width.max()) if joined else 0.0
-    return OpenSheet(vertices, triangles, rows, whole, scale, notes), pair
+    return OpenSheet(vertices, triangles, rows, whole, scale, notes, tube=ends), pair
 
 
 def _opened(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray, tuple[str, ...]]:

@@ -10,6 +10,8 @@
 `leaf_pair_scan`  scans of two leaves
 `resting`         two leaves, one of which rests on the other
 `crossing`        two leaves that cross
+`lobes`           leaves with deep lobes
+`seedling`        two blades on a sheath
 `on_table`        a leaf and a table, and pressed leaves
 `scan_files`      their scans as files
 """

@@ -96,3 +96,21 @@ def drawn_crossing(number: int, *, held_out: bool = False) -> CrossingLeaves:
         shifts=(rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2)),
         seed=number + (700 if held_out else 0),
     )
+
+
+def drawn_flush(number: int, *, held_out: bool = False) -> CrossingLeaves:
+    """Return one of a family of which the upper leaf hides the lower one that it touches: gaps and noises in turn."""
+    rng = np.random.default_rng((66_000 if held_out else 8100) + number)
+    return CrossingLeaves(
+        hidden=True,
+        gap=(0.0, 0.5, 1.0)[number % 3],
+        noise=NOISES[number // 3 % 3],
+        angle=rng.uniform(35, 90),
+        lengths=(rng.uniform(60, 90), rng.uniform(60, 90)),
+        widths=(rng.uniform(6, 14), rng.uniform(6, 14)),
+        ovals=(rng.random() < 0.5, rng.random() < 0.5),
+        arches=(rng.uniform(-40, 40), rng.uniform(-40, 40)),
+        curls=(rng.uniform(-15, 15), rng.uniform(-15, 15)),
+        shifts=(rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2)),
+        seed=number,
+    )

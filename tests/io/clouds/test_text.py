@@ -82,6 +82,19 @@ def test_names_of_rows_before_those_of_a_header_are_left_out(tmp_path):
     assert np.array_equal(cloud.points, MORE)
 
 
+@pytest.mark.parametrize("suffix", ["txt", "xyz", "xyzn", "xyzrgb"])
+def test_the_cure_of_a_text_that_is_refused_is_one_that_its_reader_takes(tmp_path, suffix):
+    """Before the coordinates stand three columns of which the suffix knows nothing; the third is a number at first."""
+    lines = rows(ALL).splitlines(keepends=True)
+    content = "".join(f"7 7 {'leaf' if number else 7} {line}" for number, line in enumerate(lines))
+    path = written(tmp_path, content, f"scan.{suffix}")
+    with pytest.raises(InputError, match="name the columns, as 'x y z'"):
+        read_point_cloud(path)
+    cloud = read_point_cloud(path, columns="- - - x y z nx ny nz")
+    assert np.array_equal(cloud.points, POINTS)
+    assert np.array_equal(cloud.normals, NORMALS)
+
+
 def test_a_coordinate_that_counts_behind_another_column_is_kept(tmp_path):
     table = np.column_stack([MORE[:, 0], COUNTED[:, :3], MORE[:, 0]])
     cloud = read_point_cloud(written(tmp_path, "time x y z\n" + rows(table)))

@@ -36,6 +36,11 @@ def test_sections_of_a_bar_are_as_wide_and_deep_as_the_bar(width, depth):
     assert np.median(sections.depth) == pytest.approx(depth, rel=tol.SECTION)
 
 
+def test_sections_of_a_single_point_are_no_width():
+    sections = sections_along(np.ones((1, 3)), np.ones(1), np.zeros(1), 0.1)
+    assert (sections.width == 0).all()
+
+
 @pytest.mark.parametrize("stub", [0.0, 8.0])
 @pytest.mark.parametrize("thickness", [2.0, 4.0])
 def test_a_flat_petiole_is_cut_off_at_the_blade_with_its_stub(stub, thickness):

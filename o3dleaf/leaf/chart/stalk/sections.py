@@ -53,7 +53,8 @@ def sections_along(points: FloatArray, cells: FloatArray, distance: FloatArray, 
     """
     reach, area = float(distance.max()), float(cells.sum())
     count = int(np.clip(10 * reach * reach / area, *BINS))
-    station = np.minimum((distance / reach * count).astype(np.int64), count - 1)
+    share = distance / max(reach, np.finfo(float).tiny)  # of a single point nothing is far
+    station = np.minimum((share * count).astype(np.int64), count - 1)
     held = np.bincount(station, minlength=count)
     middle = _filled(_sums(station, points, count), held)
     way = np.gradient(np.stack([_smooth(column) for column in middle.T], axis=1), axis=0)

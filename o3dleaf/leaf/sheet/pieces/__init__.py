@@ -2,7 +2,10 @@
 
 `leftovers`       pieces, layers and branchings that a sheet leaves out
 `table`           a table or a wall, and what rises from it
+`peaks`           parts of a sheet, each with a peak of a function on it
 `necks`           parts of a sheet that hang together by little, as leaves that touch
+`tube_ends`       boundary loops that are ends of a tube
+`blades`          blades that leave a tube, as a sheath
 `resting`         leaves of which one lies on another
 `arms`            the four arms of leaves that cross, by the rim of both
 `crossing`        leaves that cross, parted

@@ -31,12 +31,14 @@ class LeafArms(NamedTuple):
     """Which arm each vertex (v,) is of, 0 to 3 around the rim, and -1 where they meet, and how long the shortest is.
 
     Arms 0 and 2 are one leaf, 1 and 3 the other. Vertices along the margins between are -1, and `halved` (v,) to either
-    side of them. The length is that of the rim around an arm, over the arm's width.
+    side of them. The length is that of the rim around an arm, over the arm's width. Of lobes one of the four may be
+    `several`.
     """
 
     arm: IntArray
     halved: IntArray
     long: float
+    several: bool
 
 
 def find_arms(vertices: FloatArray, triangles: IntArray) -> LeafArms | None:
@@ -70,7 +72,11 @@ def find_arms(vertices: FloatArray, triangles: IntArray) -> LeafArms | None:
         return None
     after = np.roll(four, -1)
     margins = np.column_stack([out[four, after], back[four, after]])
-    return _arms(vertices, edges, rows, rim.row[margins], float(rim.lengths(margins).min()))
+    arms = _arms(vertices, edges, rows, rim.row[margins])
+    if arms is None:
+        return None
+    several = any(_is_several(bends, int(one), int(other)) for one, other in zip(four, after, strict=True))
+    return LeafArms(*arms, float(rim.lengths(margins).min()), several)
 
 
 class _Rim(NamedTuple):
@@ -173,8 +179,14 @@ def _least_cycle(bends: FloatArray) -> IntArray | None:
     return np.array([one, between[one, other], other, between[other, one]])
 
 
-def _arms(vertices: FloatArray, edges: EdgeTable, rim: IntArray, margins: IntArray, long: float) -> LeafArms | None:
-    """Return the arms beyond margins (4, 2) that go on across a sheet, or None if these do not part it into five."""
+def _is_several(bends: FloatArray, one: int, other: int) -> bool:
+    """Return whether there are two arms or more, by bends (k, k), on the rim from one corner to another."""
+    between = (one + np.arange(1, (other - one) % len(bends))) % len(bends)
+    return bool((np.isfinite(bends[one, between]) & np.isfinite(bends[between, other])).any())
+
+
+def _arms(vertices: FloatArray, edges: EdgeTable, rim: IntArray, margins: IntArray) -> tuple[IntArray, IntArray] | None:
+    """Return the arms beyond margins (4, 2) that go on across a sheet, also halved, or None if it has no five parts."""
     count, ends = len(vertices), edges.ends.astype(np.int64)
     length = np.maximum(np.linalg.norm(vertices[ends[:, 1]] - vertices[ends[:, 0]], axis=1), np.finfo(float).tiny)
     graph = coo_array((length, (ends[:, 0], ends[:, 1])), shape=(count, count)).tocsr()
@@ -195,4 +207,4 @@ def _arms(vertices: FloatArray, edges: EdgeTable, rim: IntArray, margins: IntArr
             arm[part == np.bincount(part[beyond]).argmax()] = number
     halved = arm.copy()
     halved[cut] = arm[~cut][query(cKDTree(vertices[~cut]), vertices[cut])[1]]
-    return LeafArms(arm, halved, long) if len(np.unique(arm)) == 5 else None
+    return (arm, halved) if len(np.unique(arm)) == 5 else None

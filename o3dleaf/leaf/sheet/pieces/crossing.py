@@ -91,7 +91,7 @@ def find_crossing(
     density = [count_neighbors(flat, flat[np.isin(arm, own)], spacing) for own in ((-1,), *LEAVES)]
     is_double = density[0] >= max(density[1:]) + DOUBLE * min(density[1:])
     place = _part(points[near], normals, arm, free, spacing, noise, is_double=is_double)
-    if not place.is_sure and (resting is not None or arms.long < LONG):
+    if not place.is_sure and (resting is not None or arms.long < LONG or arms.several):
         return resting
     # Where heights do not tell, what lies along a margin goes to either side.
     arm = (arms.arm if place.both else arms.halved)[nearest[near]]

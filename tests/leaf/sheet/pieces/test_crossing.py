@@ -77,10 +77,15 @@ def test_lobes_no_longer_than_wide_are_those_of_one_leaf(lobes, depth):
     assert not told(lobed(lobes, depth))
 
 
-def test_longer_lobes_are_told_to_show_by_their_outline_alone():
-    (note,) = told(lobed(7, 0.7))
+def test_four_long_lobes_are_told_to_show_by_their_outline_alone():
+    (note,) = told(lobed(4, 0.8))
     assert note.startswith("two leaves, or lobes of one, cross around")
     assert "may be of either" in note
+
+
+@pytest.mark.parametrize("lobes", [5, 6, 7])
+def test_more_lobes_than_two_leaves_have_arms_are_those_of_one_leaf(lobes):
+    assert not told(lobed(lobes, 0.8))
 
 
 def cross(arm, width, turn=90.0):
