@@ -35,6 +35,7 @@ from o3dleaf.leaf.margin.margin_curve import (
     smooth,
 )
 from o3dleaf.leaf.margin.margin_tips import with_tips
+from o3dleaf.leaf.margin.sample_metric import own_metric
 from o3dleaf.leaf.margin.sample_region import SampleRegion, cover_sample
 from o3dleaf.leaf.margin.tip_ends import with_ends
 
@@ -104,9 +105,10 @@ class Margin:
     ) -> "Margin":
         """Fit the margin of a sample of the leaf.
 
-        The triangles that the sample covers (`cover_sample`) are smoothed along their border and grown by what a
-        sample leaves out there (`missing_area`), less what noise has added; sharp tips are found. For a random
-        sample the curve then moves to where it is most likely (`fit_edge`), and the flanks of tips are continued.
+        In the sample's own metric (`own_metric`) the triangles that it covers (`cover_sample`) are smoothed along
+        their border and grown by what a sample leaves out there (`missing_area`), less what noise has added; sharp tips
+        are found. For a random sample the curve then moves to where it is most likely (`fit_edge`), and the flanks of
+        tips are continued.
         A border that a mesh's vertices trace is the margin itself (`border_of`).
 
         Parameters
@@ -135,10 +137,14 @@ class Margin:
         points = as_sites(uv, "uv", dim=2, least=3)
         given = None if fill_holes is None else as_number(fill_holes, "fill_holes")
         least = 0.0 if spacing is None else require_positive(spacing, "spacing")
-        region = cover_sample(np.unique(points, axis=0), 0.0 if given is None else given)
+        distinct = np.unique(points, axis=0)
+        stretch = own_metric(distinct)
+        region = cover_sample(distinct @ stretch, 0.0 if given is None else given, stretch)
         local = Spacing(cKDTree(region.points), np.maximum(region.spacing, least))
         limit = region.widest if given is None else given
-        (outer, *inner), excess = _rings(region, local, as_number(noise, "noise"))
+        curves, excess = _rings(region, local, as_number(noise, "noise"), stretch)
+        back = np.asarray(np.linalg.inv(stretch), dtype=np.float64)
+        outer, *inner = (np.asarray(curve @ back, dtype=np.float64) for curve in curves)
         holes = [Hole.of(ring, limit) for ring in inner]
         order = sorted(range(len(holes)), key=lambda i: -holes[i].area)
         polygon = shapely.Polygon(outer)
@@ -154,7 +160,7 @@ class Margin:
             tuple(hole_rings),
             spacing=float(np.median(region.spacing)),
             holes=tuple(holes[i] for i in order),
-            notes=_notes(region, holes, excess),
+            notes=_notes(region, distinct, holes, excess),
             unit=unit,
         )
 
@@ -193,7 +199,7 @@ def _rings_of(polygon: shapely.Polygon) -> list[FloatArray]:
     return [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
 
 
-def _rings(region: SampleRegion, local: Spacing, noise: float) -> tuple[list[FloatArray], float]:
+def _rings(region: SampleRegion, local: Spacing, noise: float, stretch: FloatArray) -> tuple[list[FloatArray], float]:
     """Return the curves (k, 2) where the leaf ends, and how many points more are along them for each spacing.
 
     The outer curve comes first, counter-clockwise, then those of holes.
@@ -211,12 +217,12 @@ def _rings(region: SampleRegion, local: Spacing, noise: float) -> tuple[list[Flo
     cut = np.flatnonzero(region.missing)
     owner = _owners(rings, region.points[cut])
     filled = shapely.multipolygons(shapely.polygons(region.points[region.filled]))
-    sample = EdgeSample(local, noise, 0.0 if region.traced else region.randomness, filled)
+    sample = EdgeSample(local, noise, 0.0 if region.traced else region.randomness, filled, stretch=stretch)
 
     def area_of(number: int) -> shapely.Polygon:
         own = cut[owner == number]
         places = shapely.get_coordinates(rings[number])[:-1]
-        curve, growth = margin_ring(places, region.points[own], region.missing[own], local, sample.noise)
+        curve, growth = margin_ring(places, region.points[own], region.missing[own], local, sample.noise * stretch)
         inside, band = polygon_of(curve), grown(curve, np.maximum(growth - fuse, 0.0))
         return largest(inside.difference(band) if number else inside.union(band))
 
@@ -287,7 +293,7 @@ def cut_margin(margin: Margin, polygon: shapely.Polygon) -> Margin:
     return Margin(**margin.state() | {"ring": ring, "hole_rings": tuple(hole_rings)})
 
 
-def _notes(region: SampleRegion, holes: list[Hole], excess: float) -> tuple[str, ...]:
+def _notes(region: SampleRegion, points: FloatArray, holes: list[Hole], excess: float) -> tuple[str, ...]:
     """Return what the region does not hold, which holes may be the scanner's, and if points were averages of voxels."""
     notes = []
     if excess > 0:
@@ -304,9 +310,9 @@ def _notes(region: SampleRegion, holes: list[Hole], excess: float) -> tuple[str,
         notes.append(region.border.note(float(region.missing.sum() / (region.spacing**2).sum())))
     if region.bridged:
         notes.append(f"{region.bridged + 1} pieces of the scan were joined over gaps wider than the scan's own")
-    if len(region.left_out) > TOLD * len(region.points):
-        share = len(region.left_out) / len(region.points)
-        where = _where(region.points[region.left_out], np.ptp(region.points, axis=0))
+    if len(region.left_out) > TOLD * len(points):
+        share = len(region.left_out) / len(points)
+        where = _where(points[region.left_out], np.ptp(points, axis=0))
         notes.append(f"{len(region.left_out):,} points ({share:.1%}) lie apart and are left out, {where}")
     return tuple(notes)
 

@@ -77,7 +77,7 @@ def smooth(values: FloatArray, width: float) -> FloatArray:
 
 
 def margin_ring(
-    ring: FloatArray, beside: FloatArray, missing: FloatArray, spacing: Spacing, noise: float = 0.0
+    ring: FloatArray, beside: FloatArray, missing: FloatArray, spacing: Spacing, noise: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the smoothed ring (k, 2) and how far (k,) the leaf goes on beyond it, to its right.
 
@@ -90,8 +90,8 @@ def margin_ring(
     missing : (b,) ndarray
         That area.
     spacing : Spacing
-    noise : float
-        Deviation of the points in the plane; it counts up to `MAX_NOISE` spacings.
+    noise : (2, 2) ndarray
+        Square root of the covariance of the points' noise; its deviation counts up to `MAX_NOISE` spacings.
     """
     places, local, taken = resample(ring, spacing)
     curve = smooth(places, WIDTH / STEP)
@@ -105,7 +105,8 @@ def margin_ring(
     points = gaussian_filter1d(sums, COUNT_WIDTH / STEP, mode="wrap")
     sides = np.hypot(*(np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)).T) / 2
     run = gaussian_filter1d(sides, COUNT_WIDTH / STEP, mode="wrap")
-    growth = without_noise(points / np.maximum(run, 1e-3 * local), np.minimum(noise, MAX_NOISE * local))
+    deviation = np.linalg.norm(normals_of(curve) @ noise, axis=1)
+    growth = without_noise(points / np.maximum(run, 1e-3 * local), np.minimum(deviation, MAX_NOISE * local))
     return curve, np.clip(growth, 0, 1.5 * local)
 
 
@@ -133,12 +134,16 @@ def without_noise(growth: FloatArray, noise: FloatArray) -> FloatArray:
     return edge
 
 
-def grown(curve: FloatArray, growth: FloatArray) -> shapely.Geometry:
-    """Return the area between a closed curve and itself moved to its right."""
+def normals_of(curve: FloatArray) -> FloatArray:
+    """Return the unit normals (k, 2) to the right of a closed curve."""
     tangent = np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)
     normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
-    normal /= np.maximum(np.hypot(*normal.T), 1e-300)[:, None]
-    moved = curve + growth[:, None] * normal
+    return np.asarray(normal / np.maximum(np.hypot(*normal.T), 1e-300)[:, None])
+
+
+def grown(curve: FloatArray, growth: FloatArray) -> shapely.Geometry:
+    """Return the area between a closed curve and itself moved to its right."""
+    moved = curve + growth[:, None] * normals_of(curve)
     quads = np.stack([curve, np.roll(curve, -1, axis=0), np.roll(moved, -1, axis=0), moved], axis=1)
     return shapely.union_all(shapely.convex_hull(shapely.linestrings(quads)))
 

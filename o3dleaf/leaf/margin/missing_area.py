@@ -11,11 +11,13 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
-from o3dleaf.leaf.margin.sample_triangles import Triangulation, inner_points, longest_sides
+from o3dleaf.leaf.margin.sample_triangles import Triangulation, components_of, inner_points, longest_sides
 
 RANDOM = 35 / (2 * np.pi**2) - 1
 """Variance of the area of a random sample's Delaunay triangles, in squares of its mean (Rathie 1992); 0 in a
 lattice."""
+FLAT = np.cos(3 * np.pi / 4)
+"""Cosine of the angle of a triangle from which on its points are nearer to one row, 180°, than to a lattice, 90°."""
 
 
 def missing_area(
@@ -71,19 +73,37 @@ def _left_out_by_lattice(mesh: Triangulation, kept: BoolArray, spacing: FloatArr
 
     n points of which b lie on the border of one piece have 2 n − b − 2 triangles (Euler), two to a cell; in a lattice
     all are half a cell, and their area is n − b/2 − 1 cells (Pick). So half a cell is missing at each point of the
-    border, and what a triangle there is smaller than half a cell, as flat ones are. Larger ones lie in pockets that
-    were filled: their area is the leaf's.
+    border, and what a triangle there is smaller than half a cell, as flat ones are: along a row they lie in layers, of
+    which only the first is at the border. It is as much less where one is larger, but those of more than a cell lie in
+    pockets that were filled: their area is the leaf's.
     """
     used, inner = inner_points(mesh, kept)
     border = used & ~inner
-    triangles = mesh.triangles[kept]
-    at_border = (~np.append(kept, False)[mesh.neighbors[kept]]).any(axis=1)
-    half = 0.5 * (spacing[triangles] ** 2).mean(axis=1)
-    small = np.where(at_border, np.maximum(half - mesh.areas[kept], 0.0), 0.0)
-    weight = border[triangles].astype(float)
-    weight *= (small / np.maximum(weight.sum(axis=1), 1.0))[:, None]
+    half = 0.5 * (spacing[mesh.triangles] ** 2).mean(axis=1)
+    at_border = kept & (~np.append(kept, False)[mesh.neighbors]).any(axis=1)
+    at_border |= _reached(mesh, kept & (_widest_angles(mesh) < FLAT), at_border)
+    small = np.where(at_border & (mesh.areas < 2 * half), half - mesh.areas, 0.0)
+    weight = border[mesh.triangles].astype(float)
+    weight[~weight.any(axis=1)] = 1.0  # deeper layers may have no corner on the border
+    weight *= (small / weight.sum(axis=1))[:, None]
     missing: FloatArray = np.where(border, 0.5 * spacing**2, 0.0)
-    return missing + np.bincount(triangles.ravel(), weight.ravel(), len(mesh.points))
+    missing += np.bincount(mesh.triangles.ravel(), weight.ravel(), len(mesh.points))
+    return np.maximum(missing, 0.0)
+
+
+def _widest_angles(mesh: Triangulation) -> FloatArray:
+    """Return the cosine (m,) of the widest angle of each triangle."""
+    corners = mesh.points[mesh.triangles]
+    ways = np.roll(corners, -1, axis=1) - corners
+    lengths = np.linalg.norm(ways, axis=2)
+    facing = -(ways * np.roll(ways, 1, axis=1)).sum(axis=2)
+    return np.asarray((facing / np.maximum(lengths * np.roll(lengths, 1, axis=1), 1e-300)).min(axis=1))
+
+
+def _reached(mesh: Triangulation, chosen: BoolArray, begin: BoolArray) -> BoolArray:
+    """Return those of the chosen triangles (m,) that are reached through such from where they `begin` (m,)."""
+    labels = components_of(mesh, chosen)
+    return chosen & np.isin(labels, labels[chosen & begin])
 
 
 def _lost(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, longest: float) -> BoolArray:

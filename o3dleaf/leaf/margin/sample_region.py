@@ -4,8 +4,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
@@ -24,7 +22,7 @@ from o3dleaf.leaf.margin.sample_spacing import (
     spacing_between,
     uneven_sizes,
 )
-from o3dleaf.leaf.margin.sample_triangles import Triangulation, inner_points, triangulate
+from o3dleaf.leaf.margin.sample_triangles import Triangulation, components_of, inner_points, triangulate
 from o3dleaf.leaf.margin.traced_border import Border, border_of
 
 USUAL = 0.9
@@ -105,8 +103,10 @@ class SampleRegion:
         return self.border is not None and self.border.traced
 
 
-def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
+def cover_sample(points: FloatArray, fill_slits: float = 0.0, stretch: FloatArray | None = None) -> SampleRegion:
     """Return what (n, 2) distinct points cover, and the slits from its border that are no wider than asked.
+
+    Where points were stretched by a matrix (2, 2), as q = p A, slits are measured before that.
 
     Raises
     ------
@@ -125,8 +125,9 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     kept, bridged, widest = _joined(mesh, covered, spacing, short)
     chance = _enclosed_by_chance(mesh, kept, size, short)
     covered, kept = covered | chance, kept | chance
-    kept |= _slits(mesh, kept, fill_slits)
-    labels = _labels(mesh, kept)
+    plane = points if stretch is None else np.asarray(points @ np.linalg.inv(stretch), dtype=np.float64)
+    kept |= _slits(mesh, kept, _widths(plane, mesh) <= fill_slits)
+    labels = components_of(mesh, kept)
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
     left_out = np.setdiff1d(np.arange(len(points)), mesh.triangles[kept])
     random = _randomness(mesh, kept, deep, spacing)
@@ -216,19 +217,6 @@ def _within(mesh: Triangulation, kept: BoolArray, deep: BoolArray) -> BoolArray:
     return within
 
 
-def _labels(mesh: Triangulation, chosen: BoolArray) -> IntArray:
-    """Return the edge-connected component of each chosen triangle, and −1 for the others."""
-    rows = np.flatnonzero(chosen)
-    place = np.full(len(chosen) + 1, -1)
-    place[rows] = np.arange(len(rows))
-    other = place[mesh.neighbors[rows]]
-    row, side = np.nonzero(other >= 0)
-    graph = coo_array((np.ones(len(row), dtype=bool), (row, other[row, side])), shape=(len(rows), len(rows)))
-    labels = np.full(len(chosen), -1, dtype=np.int64)
-    labels[rows] = connected_components(graph, directed=False)[1]
-    return labels
-
-
 def _covered(mesh: Triangulation, spacing: FloatArray, size: FloatArray, short: float) -> BoolArray:
     """Return the triangles that are covered: all with short sides, and the gaps that chance makes.
 
@@ -250,13 +238,13 @@ def _enclosed_by_chance(mesh: Triangulation, kept: BoolArray, size: FloatArray, 
     return _small(mesh, ~kept & ~_open(mesh, ~kept), cells, CHANCE * short**2)
 
 
-def _slits(mesh: Triangulation, kept: BoolArray, widest: float) -> BoolArray:
-    """Return the triangles of gaps that are open to the outside, no wider than asked, and slits rather than bays."""
-    slits = _open(mesh, ~kept) & (_widths(mesh) <= widest)
+def _slits(mesh: Triangulation, kept: BoolArray, narrow: BoolArray) -> BoolArray:
+    """Return the triangles of gaps that are open to the outside, narrow, and slits rather than bays."""
+    slits = _open(mesh, ~kept) & narrow
     rows = np.flatnonzero(slits)
     if not len(rows):
         return slits
-    labels = _labels(mesh, slits)[rows]
+    labels = components_of(mesh, slits)[rows]
     corners, others = mesh.points[mesh.triangles[rows]], mesh.neighbors[rows]
     sides = np.linalg.norm(np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1), axis=2)
     bank = np.append(kept, False)[others]
@@ -266,16 +254,19 @@ def _slits(mesh: Triangulation, kept: BoolArray, widest: float) -> BoolArray:
     return slits
 
 
-def _widths(mesh: Triangulation) -> FloatArray:
-    """Return the diameters abc/2A of the empty circumcircles: how wide the gap is that a Delaunay triangle lies in."""
-    corners = mesh.points[mesh.triangles]
+def _widths(points: FloatArray, mesh: Triangulation) -> FloatArray:
+    """Return the diameters abc/2A of the empty circumcircles: how wide the gap is that a Delaunay triangle lies in.
+
+    Of its points (n, 2) in the plane; areas are the same in the coordinates of the mesh.
+    """
+    corners = points[mesh.triangles]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     return np.asarray(sides.prod(axis=1) / np.maximum(2 * mesh.areas, FLAT * sides.max(axis=1) ** 2))
 
 
 def _open(mesh: Triangulation, gaps: BoolArray) -> BoolArray:
     """Return those gaps that are open to the outside."""
-    labels = _labels(mesh, gaps)
+    labels = components_of(mesh, gaps)
     outside = np.zeros(labels.max() + 2, dtype=bool)
     outside[labels[gaps & (mesh.neighbors < 0).any(axis=1)]] = True
     return gaps & outside[labels]
@@ -285,7 +276,7 @@ def _small(mesh: Triangulation, chosen: BoolArray, cells: FloatArray, most: floa
     """Return those of the chosen triangles whose component has no more cells than chance explains."""
     if not chosen.any():
         return chosen
-    labels = _labels(mesh, chosen)
+    labels = components_of(mesh, chosen)
     sums = np.bincount(labels[chosen], cells[chosen])
     small: BoolArray = np.less_equal(sums[labels], most)
     return chosen & small
@@ -293,7 +284,7 @@ def _small(mesh: Triangulation, chosen: BoolArray, cells: FloatArray, most: floa
 
 def _joined(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int, float]:
     """Return the triangles with those that bridge pieces, how many pieces of `PIECE` points these join, and how far."""
-    labels = _labels(mesh, kept)
+    labels = components_of(mesh, kept)
     piece = np.arange(len(mesh.points)) + labels.max() + 1  # a point alone is a piece by itself
     for corner in range(3):
         piece[mesh.triangles[kept, corner]] = labels[kept]
@@ -306,6 +297,6 @@ def _joined(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: fl
     bridge = ~kept & several & (reach <= limit)
     joined = kept | bridge
     pieces = np.flatnonzero(np.bincount(labels[kept]) >= PIECE)
-    after = _labels(mesh, joined)[kept & np.isin(labels, pieces)]
+    after = components_of(mesh, joined)[kept & np.isin(labels, pieces)]
     bridged = len(pieces) - len(np.unique(after))
     return joined, bridged, float(mesh.reach[bridge & large[of].all(axis=1)].max(initial=0.0)) if bridged else 0.0

@@ -100,7 +100,10 @@ def _curvature(frame: EdgeFrame, nodes: BoolArray) -> float:
 
 
 def with_edge_excess(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeSample:
-    """Return the sample with the excess that its edge shows; one too random for averages, or a lattice, as it is."""
-    if not REGULAR <= sample.randomness <= RANDOM:
+    """Return the sample with the excess that its edge shows; one too random for averages, or a lattice, as it is.
+
+    So is one of lines, which has a metric of its own: voxels are as wide in all directions.
+    """
+    if not REGULAR <= sample.randomness <= RANDOM or not np.array_equal(sample.stretch, np.eye(2)):
         return sample
     return replace(sample, excess=edge_excess(curve, apexes, sample))

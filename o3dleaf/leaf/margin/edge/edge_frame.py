@@ -1,6 +1,6 @@
 """A closed curve with the points near it, as its likelihood is asked for: nodes, normals, distances, stiffness."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +44,8 @@ class EdgeSample:
         The gaps of the sample that were filled: where the edge runs over them, it stays.
     excess : float
         Points more than the density for each spacing of edge (`edge_excess`).
+    stretch : (2, 2) ndarray
+        What took the points p of the plane, whose noise is the same along both axes, to those of the sample, p A.
     """
 
     local: Spacing
@@ -51,6 +53,11 @@ class EdgeSample:
     randomness: float
     filled: shapely.Geometry
     excess: float = 0.0
+    stretch: FloatArray = field(default_factory=lambda: np.eye(2))
+
+    def noise_along(self, normals: FloatArray) -> FloatArray:
+        """Return the deviation (n,) of the noise along unit normals (n, 2): σ |A n|."""
+        return np.asarray(self.noise * np.linalg.norm(normals @ self.stretch, axis=1))
 
     @property
     def share(self) -> float:
@@ -92,7 +99,7 @@ def edge_frame(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> Edg
     normals, half_width = _normals(curve, rows), _half_widths(curve, spacing, rows)
     gap = shapely.distance(shapely.points(curve), sample.filled) <= BESIDE * spacing
     observed = (half_width >= NARROW) & ~gap
-    part = np.minimum(sample.noise / spacing, MAX_NOISE)
+    part = np.minimum(sample.noise_along(normals) / spacing, MAX_NOISE)
     blur = blurred(part).blur
     points = np.asarray(sample.local.tree.data)
     reach = float((INSIDE * blur * spacing).max())
