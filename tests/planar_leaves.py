@@ -77,6 +77,20 @@ def lattice(leaf, count, rng, *, across=1.0, jitter=0.0):
     return points[shapely.contains_xy(leaf, *points.T)]
 
 
+def lines(leaf, spacing, ratio, angle, rng):
+    """Lines `ratio` times as far apart as the points along them, which begin anywhere."""
+    step, apart = spacing / np.sqrt(ratio), spacing * np.sqrt(ratio)
+    reach = np.hypot(leaf.bounds[2] - leaf.bounds[0], leaf.bounds[3] - leaf.bounds[1])
+    along, across = (np.arange(-reach, reach, each) for each in (step, apart))
+    points = np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1)
+    points[..., 0] += rng.uniform(0, step, len(across))
+    points[..., 1] += rng.uniform(0, apart)
+    points += rng.normal(0, 0.1 * step, points.shape)
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    points = points.reshape(-1, 2) @ turn + shapely.get_coordinates(leaf.centroid)[0]
+    return points[shapely.contains_xy(leaf, *points.T)]
+
+
 def jittered(leaf, count, rng):
     return lattice(leaf, count, rng, jitter=0.2)
 

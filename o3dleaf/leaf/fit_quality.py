@@ -15,6 +15,7 @@ from o3dleaf.core.units import measure_in_words, tell_share
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.blade.distortion import range_of
 from o3dleaf.leaf.blade.outline_area import places_inside
+from o3dleaf.leaf.margin.edge.lines_variance import lines_variance
 from o3dleaf.leaf.residuals.bent_margin import BentMargin, find_bent_margin
 from o3dleaf.leaf.residuals.known_area import area_deviation
 from o3dleaf.leaf.residuals.lost_relief import LostRelief, find_lost_relief, tell_lost_relief
@@ -92,7 +93,7 @@ class FitQuality:
     area : (2,) tuple of float
         Of the blade in the world and in its plane, in `unit` squared.
     area_deviation : float
-        Standard deviation of the first by the chance of a random scan (`residuals/known_area`), in `unit` squared.
+        Standard deviation of the first by the chance of a scan (`known_area`, `lines_variance`), in `unit` squared.
     lost : LostRelief
         What of the first is lacking as relief was smoothed away: its share, the share's deviation, and its places.
     along, across, stretch : (2,) tuples of float
@@ -177,6 +178,7 @@ class FitQuality:
         held = on_it[~is_far[on_it]]
         kept = np.abs(distance[on_it if len(on_it) else once])
         near = on_it[np.abs(distance[on_it]) <= max(limit, spacing)]
+        of_lines = lines_variance(plane[once[~is_outside[once]], :2], blade.outline.polygon)
         return cls(
             plane=plane,
             rows=rows,
@@ -200,7 +202,7 @@ class FitQuality:
             outside_places=find_places(points[once], is_outside[once], spacing),
             gap_places=find_places(world, in_gap, max(spacing, step)),
             area=(float(blade.outline.area * distortion.area.mean()), float(blade.outline.area)),
-            area_deviation=area_deviation(blade, spacing, noise),
+            area_deviation=float(np.hypot(area_deviation(blade, spacing, noise), np.sqrt(of_lines))),
             lost=find_lost_relief(plane[near], feet[near], distance[near], spacing),
             along=range_of(distortion.along),
             across=range_of(distortion.across),
@@ -249,7 +251,7 @@ class FitQuality:
         if self.area_deviation > MAX_DEVIATION * self.area[0]:
             lines.append(
                 f"the area is known to {tell_share(self.area_deviation / self.area[0])} only (one standard deviation, "
-                "of points that lie at random): the scan has few points"
+                "of points that lie at random, and of lines): the scan has few points, or lines far apart"
             )
         if self.stretch[0] < 1 - STRETCH or self.stretch[1] > 1 + STRETCH:
             lines.append(

@@ -5,10 +5,10 @@
 `margin_curve`      rings smoothed without shrinking, and grown to where the leaf ends
 `margin_tips`       sharp tips restored
 `edge`              the curve of greatest likelihood of a random sample
-`tip_ends`          where the width of a tip falls to nothing
 `sample_region`     what a planar sample covers
 `missing_area`      what the sample leaves out at the border of that
 `traced_border`     whether the border of that was set on the margin, as a mesh's vertices are
+`sample_metric`     the metric in which a sample of scan lines is even
 `sample_triangles`  its Delaunay triangles
 `sample_spacing`    how it is spaced, place by place
 `taper`             thickness that falls towards the margin

@@ -22,6 +22,7 @@ from o3dleaf.leaf.margin.edge.edge_excess import with_edge_excess
 from o3dleaf.leaf.margin.edge.edge_fit import fit_edge
 from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample
 from o3dleaf.leaf.margin.edge.edge_noise import with_edge_noise
+from o3dleaf.leaf.margin.edge.tip_ends import with_ends
 from o3dleaf.leaf.margin.hole import Hole
 from o3dleaf.leaf.margin.margin_curve import (
     CREASE_WIDTH,
@@ -36,7 +37,6 @@ from o3dleaf.leaf.margin.margin_curve import (
 )
 from o3dleaf.leaf.margin.margin_tips import with_tips
 from o3dleaf.leaf.margin.sample_region import SampleRegion, cover_sample
-from o3dleaf.leaf.margin.tip_ends import with_ends
 
 FUSE = 0.02
 """The covered region is grown by this many spacings, so that triangles which meet in a corner alone are one piece."""

@@ -6,4 +6,6 @@
 `edge_fit`           the curve of greatest likelihood, as stiff as the sample allows
 `edge_noise`         how far noise carries points across an edge
 `edge_excess`        how many points more there are along it, as averages of voxels have
+`tip_ends`           where the width of a tip falls to nothing
+`lines_variance`     how well the area inside is known where points lie on lines
 """
