@@ -251,7 +251,7 @@ class FitQuality:
         if self.area_deviation > MAX_DEVIATION * self.area[0]:
             lines.append(
                 f"the area is known to {tell_share(self.area_deviation / self.area[0])} only (one standard deviation, "
-                "of points that lie at random, and of lines): the scan has few points, or lines far apart"
+                "by where points and scan lines happen to lie): the scan has few points, or lines far apart"
             )
         if self.stretch[0] < 1 - STRETCH or self.stretch[1] > 1 + STRETCH:
             lines.append(

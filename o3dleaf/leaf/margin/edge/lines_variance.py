@@ -2,16 +2,13 @@
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.trees import query
 from o3dleaf.leaf.margin.sample_metric import MAX_POINTS, own_metric
-from o3dleaf.leaf.margin.sample_triangles import triangulate
 
 MIN_RATIO = 1.5
-"""Distance of lines over that of points along them from which on they are lines, in the median over a scan: of
-independent points, and of even lattices, it is 1.1 by chance."""
+"""Distance of lines over that of points along them from which on they are lines: of independent points, and of even
+lattices, it is 1.1 by chance."""
 MIN_POINTS = 64
 """Points that show lines: two neighborhoods."""
 HARMONICS = 16
@@ -19,7 +16,7 @@ HARMONICS = 16
 
 
 def lines_variance(points: FloatArray, polygon: shapely.Polygon) -> float:
-    r"""Return the variance of an area by where the lines of a sample lie; 0 for one without lines.
+    r"""Return the variance of an area by where the lines of a sample lie; 0 for one without lines of one direction.
 
     An area that is summed over lines at distances d, wherever the first one lies, has the variance
 
@@ -44,32 +41,22 @@ def lines_variance(points: FloatArray, polygon: shapely.Polygon) -> float:
     points = np.unique(points, axis=0)
     if len(points) < MIN_POINTS:
         return 0.0
-    stretch = own_metric(points)
-    if np.array_equal(stretch, np.eye(2)):  # no lines, or such as turn in the chart: each neighborhood has its own
-        xx, xy, yy = triangulate(points).metric.T
-    else:
-        xx, xy, yy = np.tile((stretch @ stretch).ravel()[[0, 1, 3]], (len(points), 1)).T
-    ratio = (xx + yy) / 2 + np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
-    if np.median(ratio) < MIN_RATIO:
+    (low, high), axes = np.linalg.eigh(own_metric(points))
+    if high < MIN_RATIO * low:
         return 0.0
-    turn = 0.5 * np.arctan2(2 * xy, xx - yy)
-    across = np.stack([-np.sin(turn), np.cos(turn)], axis=1)
-    apart = np.sqrt(ratio * polygon.area / len(points))
+    apart = float(np.sqrt(high / low * polygon.area / len(points)))
+    astray = 2 / np.sqrt(min(len(points), MAX_POINTS))
     rings = [shapely.get_coordinates(ring) for ring in shapely.get_parts(shapely.get_rings(polygon))]
-    return float(sum(_of_ring(ring, points, across, apart) for ring in rings))
+    return float(sum(_of_ring(ring, axes[:, 0], apart, astray) for ring in rings))
 
 
-def _of_ring(ring: FloatArray, points: FloatArray, across: FloatArray, apart: FloatArray) -> float:
-    """Return the variance by one ring, given the directions across the lines (n, 2) at points and their distances."""
+def _of_ring(ring: FloatArray, across: FloatArray, apart: float, astray: float) -> float:
+    """Return the variance by one ring, given the direction (2,) across lines, its deviation, and their distance."""
     side = np.diff(ring, axis=0)
-    near = query(cKDTree(points), (ring[1:] + ring[:-1]) / 2, k=[1])[1][:, 0]
-    way, distance = across[near], apart[near]
-    flips = np.where((way[1:] * way[:-1]).sum(axis=1) < 0, -1.0, 1.0)
-    way = way * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
-    weight = distance * (way[:, 0] * side[:, 1] - way[:, 1] * side[:, 0])
-    passed = (side * way).sum(axis=1)
-    astray = 2 / np.sqrt(min(len(points), MAX_POINTS)) * np.abs(weight) / distance
-    phase = np.cumsum(np.sign(passed) * np.maximum(np.abs(passed) - astray, 0.0) / distance)
+    along, passed = across[0] * side[:, 1] - across[1] * side[:, 0], side @ across
+    weight = apart * along
+    passed = np.sign(passed) * np.maximum(np.abs(passed) - astray * np.abs(along), 0.0)
+    phase = np.cumsum(passed / apart)
     begin = np.flatnonzero(np.diff(np.sign(weight), prepend=np.sign(weight[-1])))
     order = np.roll(np.arange(len(side)), -int(begin[0])) if len(begin) else np.arange(len(side))
     starts = begin - begin[0] if len(begin) else np.array([0])
