@@ -29,10 +29,10 @@ from o3dleaf.leaf.parametric.thickness import ThicknessMap, as_factors
 from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
 from o3dleaf.leaf.residuals.noise import local_noise
 from o3dleaf.leaf.sheet.holes import split_bow_ties
+from o3dleaf.leaf.sheet.layers.two_sides import find_both_sides
 from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.pieces.table import Table, find_table
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
-from o3dleaf.leaf.sheet.two_sides import find_both_sides
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.usable_points import usable_rows
 

@@ -1,7 +1,6 @@
 """From any scan of a leaf to one open sheet: a mesh without handles, averaged where the scan is no sheet."""
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,33 +13,20 @@ from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.places import extent, tell_middle
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
+from o3dleaf.leaf.sheet.averaged_sheets import FEWEST, average_to_sheets
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes, split_bow_ties
-from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
-from o3dleaf.leaf.sheet.parting import other_layers
+from o3dleaf.leaf.sheet.layers.widths import OFF, STEEP, WIDEST, find_passes, same_facing
+from o3dleaf.leaf.sheet.open_sheets import nearest_layers
 from o3dleaf.leaf.sheet.pieces.blades import find_blades
 from o3dleaf.leaf.sheet.pieces.crossing import find_crossing
 from o3dleaf.leaf.sheet.pieces.leaf_pair import LeafPair
 from o3dleaf.leaf.sheet.pieces.leftovers import Leftovers, tell_averaging, tell_cuts
 from o3dleaf.leaf.sheet.pieces.necks import find_necks
 from o3dleaf.leaf.sheet.pieces.peaks import JoinedParts
-from o3dleaf.leaf.sheet.pieces.resting import find_resting
 from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.pieces.table import Table, find_table
 from o3dleaf.leaf.sheet.pieces.tube_ends import find_tube_ends
 from o3dleaf.leaf.sheet.scan_lines import without_scan_lines
-from o3dleaf.leaf.sheet.widths import (
-    LINK,
-    MEETING,
-    OFF,
-    STEEP,
-    WIDEST,
-    Layers,
-    find_layers,
-    find_passes,
-    noise_width,
-    same_facing,
-    widen,
-)
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import thinned
 from o3dleaf.surface.cloud.usable_points import usable_rows
@@ -50,19 +36,6 @@ from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
 
 MAX_POINTS = 20_000
 """Points that a sheet is made of at most; a chart needs no more, and the surface is fitted to all of them later."""
-FEWEST = 24
-"""Points of a sheet at least, as `detect_outliers` has it."""
-ROUNDS = 6
-"""Times that a cloud is averaged anew at most, each time where the sheet before it lay double."""
-THICK = 25.0
-"""Spacings up to which the two sides of a closed surface are taken for those of a thin leaf."""
-FLAT = 0.75
-"""Mean thickness over the median distance between the sides of a thin leaf at least: 0.76 of an elliptic section three
-times as wide as high, 0.66 of one twice as wide, 0.5 of a cylinder."""
-SAMPLE = 400
-"""Vertices at which the thickness of a closed surface is measured."""
-FEWEST_CONTACTS = 8
-"""Places where a rim touches another part at least, for sheets to branch there."""
 SHOWN = 200
 """Places that are marked of a whole surface at most: a picture shows no more."""
 
@@ -163,20 +136,6 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
         return replace(found, leftovers=leftovers, notes=(*found.notes, *notes), others=others, blades=told)
 
 
-class _Solved(NamedTuple):
-    """Sheets at widths (n,), which exceed `base` where layers were averaged, rows (n,) of a scan, and other layers'.
-
-    Leaves that rest on one another are rows of the scan, too.
-    """
-
-    sheets: OpenSheets
-    width: FloatArray
-    base: float
-    rows: IntArray
-    others: IntArray = np.empty(0, np.int64)
-    resting: LeafPair | None = None
-
-
 def _sheet_of_piece(pieces: Leftovers, number: int, *, one_sheet: bool) -> OpenSheet:
     """Return the sheet of the N-th piece of a scan."""
     sheet, _ = _sheet_of(pieces.scan, pieces.piece(number), one_sheet=one_sheet)
@@ -224,8 +183,8 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> tuple[Ope
     """Return the sheet through the points `pool` (k,) of a scan (n, 3), and leaves of them that rest or cross."""
     some = pool[thinned(len(pool), -(-len(pool) // MAX_POINTS))]
     some = some[without_scan_lines(scan[some])]
-    solved = _solve(scan, some, one_sheet=one_sheet)
-    sheets, spacing = solved.sheets, solved.sheets.spacing
+    found = average_to_sheets(scan, some, one_sheet=one_sheet)
+    sheets, spacing = found.sheets, found.sheets.spacing
     vertices, triangles = sheets.sheet()
     normals = vertex_normals(vertices, triangles)
     overlaps = nearest_layers(vertices, normals, WIDEST * spacing, STEEP)
@@ -241,18 +200,18 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> tuple[Ope
             "give the points of a leaf, closer together",
             _some(vertices),
         )
-    made_of = np.concatenate([solved.rows, solved.others])
-    of_sheet = np.append(held, np.zeros(len(solved.others), bool))
+    made_of = np.concatenate([found.rows, found.others])
+    of_sheet = np.append(held, np.zeros(len(found.others), bool))
     nearest = query(cKDTree(scan[made_of]), scan[pool])[1]
     rows = pool[of_sheet[nearest]]
-    pair = find_crossing(scan[made_of], vertices, triangles, spacing, made_of, solved.resting)
+    pair = find_crossing(scan[made_of], vertices, triangles, spacing, made_of, found.resting)
     pair = None if pair is None else pair.spread(made_of[nearest], pool)
-    passes = find_passes(scan[solved.rows], sheets)
-    joined = len(passes.places) > 0 or bool((solved.width > solved.base).any())
-    averaged = tell_averaging(scan[solved.rows], solved.width, solved.base, passes)
+    passes = find_passes(scan[found.rows], sheets)
+    joined = len(passes.places) > 0 or bool((found.width > found.base).any())
+    averaged = tell_averaging(scan[found.rows], found.width, found.base, passes)
     notes = averaged + slits + tell_cuts(sheets.cut, flaps, scan)
     whole = spacing * float(np.sqrt(held.sum() / len(rows)))
-    scale = float(solved.width.max()) if joined else 0.0
+    scale = float(found.width.max()) if joined else 0.0
     return OpenSheet(vertices, triangles, rows, whole, scale, notes, tube=ends), pair
 
 
@@ -271,94 +230,6 @@ def _opened(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntA
     return *split_bow_ties(vertices, triangles[slits.kept]), (slits.note,)
 
 
-def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
-    """Return the sheets of points of a scan, averaged by noise and where layers lie."""
-    cloud = OrientedCloud.of(scan[some])
-    if cloud.surfels.scale.full:
-        raise ReconstructionError(
-            f"scan: its {len(cloud):,} points at {tell_middle(cloud.points, cloud.points)} show no surface: they fill "
-            "a volume or lie along lines; give the points of a leaf, with less noise"
-        )
-    spacing = cloud.spacing
-    base = noise_width(cloud.noise, spacing)
-    width = np.full(len(cloud), base)
-    layers = Layers.none()
-    sheets = OpenSheets.of(cloud.points, width, spacing)
-    thickness = _thickness(sheets) if sheets.is_closed else 0.0
-    is_tube = sheets.is_closed and not np.isfinite(thickness)
-    if not one_sheet:
-        _refuse_layers(cloud.points, sheets)
-        return _Solved(sheets, width, base, some)
-    # Thinned until the sides of a thin leaf lie near enough to be averaged.
-    fewer = 1 if is_tube else int(np.ceil((thickness / (MEETING * spacing)) ** 2))
-    if fewer > 1 and len(some) // fewer >= FEWEST:
-        return _solve(scan, some[thinned(len(some), fewer)], one_sheet=one_sheet)
-    resting = None if sheets.is_closed else find_resting(cloud.points, cloud.noise, sheets, some)
-    if base == 0 and len(find_layers(sheets, is_tube=is_tube)[0]) >= FEWEST:
-        others = other_layers(cloud.points, spacing, cloud.noise)
-        if len(others):
-            solved = _solve(scan, np.delete(some, others), one_sheet=one_sheet)
-            return solved._replace(others=np.append(some[others], solved.others), resting=resting)
-    for round_ in range(ROUNDS):
-        after = layers.after(*find_layers(sheets, is_tube=is_tube), LINK * spacing)
-        if after.like(layers):
-            break
-        layers = after
-        width = widen(cloud.points, np.full(len(cloud), base), layers)
-        sheets = OpenSheets.of(cloud.points, width, spacing)
-        progress.report(round_ + 1, ROUNDS)
-    return _Solved(_part_branches(cloud.points, width, sheets), width, base, some, resting=resting)
-
-
 def _some(points: FloatArray) -> FloatArray:
     """Return those of points (n, 3) that are marked of a whole surface."""
     return points[thinned(len(points), -(-len(points) // SHOWN))]
-
-
-def _part_branches(points: FloatArray, width: FloatArray, sheets: OpenSheets) -> OpenSheets:
-    """Return the sheets without vertices near lines where they branch, if one comes off the inside of the largest.
-
-    Beside such a line the planes through the points lie askew; triangles from both sides of it find together.
-    """
-    contacts = sheets.contacts()
-    if len(contacts) < FEWEST_CONTACTS:
-        return sheets
-    parted = OpenSheets.of(points, width, sheets.spacing, contacts)
-    gained = parted.areas[1:].max(initial=0.0) - sheets.areas[1:].max(initial=0.0)
-    inside = query(cKDTree(parted.rim()), contacts)[0] > parted.gap
-    return parted if gained >= FEWEST * sheets.spacing**2 and 2 * inside.sum() > len(inside) else sheets
-
-
-def _thickness(sheets: OpenSheets) -> float:
-    """Return how far apart the sides of the largest sheet, a closed one, are, inf where it is round rather than flat.
-
-    A solid of volume V and area A is 2 V / A thick on the mean if it is flat; a cylinder is twice as thick as that.
-    """
-    vertices, triangles = sheets.sheet()
-    normals = vertex_normals(vertices, triangles)
-    some = thinned(len(vertices), -(-len(vertices) // SAMPLE))
-    overlaps = nearest_layers(vertices, normals, THICK * sheets.spacing, STEEP, some)
-    apart = float(np.median(np.where(overlaps.facing < 0, overlaps.distance, np.inf).min(axis=1)))
-    middle = vertices[triangles] - vertices.mean(axis=0)
-    volume = abs(np.linalg.det(middle).sum()) / 6
-    return apart if np.isfinite(apart) and 2 * volume >= FLAT * apart * sheets.areas[0] else np.inf
-
-
-def _refuse_layers(points: FloatArray, sheets: OpenSheets) -> None:
-    """Raise `ReconstructionError` where layers lie over the largest sheet."""
-    layers = Layers.none().after(*find_layers(sheets), LINK * sheets.spacing)
-    passes = find_passes(points, sheets)
-    places = np.concatenate([layers.places, passes.places])
-    if len(places):
-        off = max(passes.apart, layers.need.max(initial=0.0))
-        raise ReconstructionError(
-            f"scan: is no single sheet: at {len(places)} places, most around {tell_middle(places, points)}, another "
-            f"layer lies up to {tell_length(off)} off; allow them to be averaged, or cut them out",
-            places,
-        )
-    if len(sheets.cut):
-        raise ReconstructionError(
-            f"scan: is no single sheet: parts far apart along it touch at {tell_middle(sheets.cut, points)}; allow "
-            "points to be averaged into one sheet, or cut them apart there",
-            sheets.cut,
-        )

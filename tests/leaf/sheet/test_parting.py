@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from o3dleaf.leaf.sheet.layers.parting import other_layers, part_layers
+from o3dleaf.leaf.sheet.layers.widths import find_layers
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets
-from o3dleaf.leaf.sheet.parting import other_layers, part_layers
 from o3dleaf.leaf.sheet.sheet import find_sheet
-from o3dleaf.leaf.sheet.widths import find_layers
 
 STEP = 0.8
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf.leaf.sheet.two_sides import find_both_sides
+from o3dleaf.leaf.sheet.layers.two_sides import find_both_sides
 from tests import tolerances as tol
 
 SPACING = 0.7

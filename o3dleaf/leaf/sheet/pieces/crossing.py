@@ -9,10 +9,10 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
+from o3dleaf.leaf.sheet.layers.widths import CLEAN, WIDEST
 from o3dleaf.leaf.sheet.pieces.arms import find_arms
 from o3dleaf.leaf.sheet.pieces.leaf_pair import LeafPair
 from o3dleaf.leaf.sheet.pieces.nearer_surface import count_neighbors, tell_by_surface
-from o3dleaf.leaf.sheet.widths import CLEAN, WIDEST
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
 

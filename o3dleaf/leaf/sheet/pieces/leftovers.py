@@ -12,7 +12,7 @@ from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.places import middle_of, tell_middle, tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
-from o3dleaf.leaf.sheet.widths import Passes
+from o3dleaf.leaf.sheet.layers.widths import Passes
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import thinned
 from o3dleaf.surface.mesh.deviation import nearest_on_mesh

@@ -11,11 +11,11 @@ from o3dleaf.core.parallel import blocks
 from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
+from o3dleaf.leaf.sheet.layers.widths import CLEAN, MEETING, MOSTLY, OFF, STEEP, WIDEST
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.pieces.leaf_pair import LeafPair
 from o3dleaf.leaf.sheet.pieces.minimum_cut import Links, minimum_cut
 from o3dleaf.leaf.sheet.pieces.nearer_surface import tell_by_surface
-from o3dleaf.leaf.sheet.widths import CLEAN, MEETING, MOSTLY, OFF, STEEP, WIDEST
 from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
 
 REACH = 2 * WIDEST

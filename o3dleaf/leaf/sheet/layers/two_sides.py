@@ -13,8 +13,8 @@ from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.residuals.two_layers import APART, BETWEEN, LESSER, MOST, SEEN
+from o3dleaf.leaf.sheet.layers.widths import PARALLEL, STEEP
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
-from o3dleaf.leaf.sheet.widths import PARALLEL, STEEP
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import thinned
 from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
