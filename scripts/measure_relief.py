@@ -33,6 +33,8 @@ FAMILY = {
     "blisters 0.5 high, 6 long": ("blisters", 0.5, 6.0),
     "blisters 0.5 high, 4 long": ("blisters", 0.5, 4.0),
     "blisters 0.4 high, 2.8 long": ("blisters", 0.4, 2.8),
+    "blisters 0.4 high, 2.1 long": ("blisters", 0.4, 2.1),
+    "blisters 0.4 high, 1.4 long": ("blisters", 0.4, 1.4),
 }
 HELD_OUT = {
     "smooth": (),
@@ -44,6 +46,8 @@ HELD_OUT = {
     "ruffles 2.5 high, 5 long": ("ruffles", 2.5, 5.0),
     "blisters 0.6 high, 5 long": ("blisters", 0.6, 5.0),
     "blisters 0.3 high, 3.3 long": ("blisters", 0.3, 3.3),
+    "blisters 0.2 high, 1.5 long": ("blisters", 0.2, 1.5),
+    "veins 0.2 high, 0.5 wide": ("veins", 0.2, 0.5, 2.0),
 }
 """With another leaf, spacing and seeds; to be run once, when all choices are made."""
 
@@ -100,7 +104,7 @@ def show(name, noise, points, unit, leaf=None, bandwidth=None):
     quality = o3l.FitQuality.of(blade, points)
     seconds = time.process_time() - start
     lost, error = quality.lost, "-" if leaf is None else f"{quality.area[0] / area_of(*leaf) - 1:+.1%}"
-    where = f"{len(lost.places)} places" if lost.places else "all over"
+    where = "short" if lost.is_short else f"{len(lost.places)} places" if lost.places else "all over"
     figures = f"{len(quality.plane):,}", error, f"{lost.share:+.1%}", f"{lost.deviation:.1%}"
     row(name, noise, *figures, where if lost.told else "no", f"{seconds:.1f} s")
 

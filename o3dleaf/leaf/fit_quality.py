@@ -230,13 +230,13 @@ class FitQuality:
                 f"{tell_share(self.far)} of the points lie more than {self._length(self.limit)} off the blade, "
                 f"{tell_places(self.far_places)}"
             )
-        if self.shared > MIN_FAR * self.spacing:
+        if self.lost.told:
+            lines.append(tell_lost_relief(self.lost, self._area(self.lost.share * self.area[0])))
+        if self.shared > MIN_FAR * self.spacing and not self.lost.is_short:
             lines.append(
                 f"neighbors lie off the blade alike, by {self._length(self.shared)} (root mean square): waves that are "
                 "too short for the blade to follow, whose area it lacks, or noise that points have in common"
             )
-        if self.lost.told:
-            lines.append(tell_lost_relief(self.lost, self._area(self.lost.share * self.area[0])))
         if self.outside > MAX_OUTSIDE:
             lines.append(
                 f"{tell_share(self.outside)} of the points lie beside the blade, outside its margin, "
@@ -315,6 +315,7 @@ class FitQuality:
                 "lost": self.lost.share * self.area[0],
                 "deviation": self.lost.deviation * self.area[0],
                 "share": self.lost.share,
+                "is_short": self.lost.is_short,
                 "places": _listed(self.lost.places),
             },
             "stretch": {"along": list(self.along), "across": list(self.across), "any": list(self.stretch)},

@@ -14,17 +14,19 @@ from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
 WINDOW = 64
 """Points around one over which the blade's own relief stands out of a quadric, 4.5 spacings to each side: about what a
 fit smooths over, and little enough for the bends of a leaf."""
-LAGS = (1.25, 1.5, 2.0)
+LAGS = (0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
 """Spacings up to which points are paired: short lags see narrow relief, long ones, which have more pairs, weak one."""
 APART = 0.75
-"""Spacings beyond which relief shows as well: what only nearest neighbors share, as along one line of a scanner that
-crosses others, or in voxels, is noise."""
+"""Spacings beyond which relief of about two and a half spacings and more shows as well. What only nearest neighbors
+share is shorter, or noise, as along one line of a scanner that crosses others, or in voxels."""
 SECTORS = 8
 """Of directions of pairs, each with a covariance C₀ of its own: that of noise which the points of a scan line have in
 common is one along the line and none across it, at any lag. Lines as far apart as the points along them, or farther,
 have pairs in directions 45° off and more up to about the longest lag: two sectors' width."""
 BEYOND_CHANCE = 3.0
 """Deviations by which an area must be missing: of smooth leaves one in 740 seems to lack that by chance."""
+BEYOND_LAGS = 4.0
+"""Deviations by which it must be where only one of `LAGS` shows it: one in 31,000 for each, all are from some pairs."""
 MAX_LOST = 0.01
 """Share of the area above which it is told: to what a blade's area is asked to be right."""
 MOST = 1.5
@@ -45,10 +47,21 @@ BATCH = 2_000
 
 
 class LostRelief(NamedTuple):
-    """Area that a blade lacks as it smooths relief away: its share of the blade's, the share's deviation, places."""
+    """Area that a blade lacks as it smooths relief away.
+
+    Attributes
+    ----------
+    share, deviation : float
+        Of the blade's area, and the standard deviation of that.
+    is_short : bool
+        Whether only pairs of points nearer than `APART` show it: the relief is shorter than about two and a half
+        spacings, or it is noise that neighbors have in common.
+    places : tuple of Place
+    """
 
     share: float
     deviation: float
+    is_short: bool
     places: tuple[Place, ...]
 
     @property
@@ -87,7 +100,8 @@ def find_lost_relief(plane: FloatArray, feet: FloatArray, distance: FloatArray, 
     along them, and none in other directions, so that each of `SECTORS` directions has a C₀ of its own. As
     :math:`J_0(k r) - J_0(k t) ≤ k^2 (t^2 - r^2) / 4`, waves as short as the lags count for less than they have: the
     share is a lower bound, and of `LAGS` the one whose bound is highest is taken, if without pairs nearer than `APART`
-    area is missing as well.
+    area is missing as well. If not, the relief is shorter than that, or noise of neighbors, and the bound is of
+    `BEYOND_LAGS` deviations.
 
     Parameters
     ----------
@@ -105,24 +119,34 @@ def find_lost_relief(plane: FloatArray, feet: FloatArray, distance: FloatArray, 
         Of fewer than `MIN_POINTS` points nothing, with a deviation of all.
     """
     if len(plane) < MIN_POINTS:
-        return LostRelief(0.0, 1.0, ())
+        return LostRelief(0.0, 1.0, is_short=False, places=())
     pairs = _pair(plane, feet, distance, DENSEST * spacing)
     group = _squares(plane)
     lost = _missing(pairs, APART, max(LAGS), group)
-    if _bound(lost) > 0:
-        lost = max((_missing(pairs, 0.0, lag, group) for lag in LAGS), key=_bound)
+    is_short = _bound(lost, BEYOND_CHANCE) <= 0
+    beyond = BEYOND_LAGS if is_short else BEYOND_CHANCE
+    highest = max((_missing(pairs, 0.0, lag, group) for lag in LAGS), key=lambda missing: _bound(missing, beyond))
+    is_short = is_short and _bound(highest, beyond) > 0
+    if is_short or _bound(lost, BEYOND_CHANCE) > 0:
+        lost = highest
     longer = float(np.sqrt(1 + 2 * max(lost.share, 0.0)))
-    found = LostRelief(longer - 1 if lost.share > 0 else lost.share, lost.deviation / longer, ())
+    share = longer - 1 if lost.share > 0 else lost.share
+    found = LostRelief(share, lost.deviation / longer, is_short=is_short, places=())
     return found._replace(places=find_places(feet, _most(lost, group), spacing)) if found.told else found
 
 
 def tell_lost_relief(lost: LostRelief, area: str) -> str:
     """Return the line that says how much is lacking, given in words as well, and where."""
     where = f"most on {tell_places(lost.places)}" if len(lost.places) > 1 else tell_places(lost.places)
+    where, share = where if lost.places else "all over it", tell_share(lost.share)
+    if lost.is_short:
+        return (
+            f"nearest neighbors lie off the blade alike, {where}: relief shorter than about two and a half spacings, "
+            f"by which it lacks about {share} of its area, {area}, or noise that neighbors have in common"
+        )
     return (
-        f"the blade lacks about {tell_share(lost.share)} of its area, {area}, "
-        f"{where if lost.places else 'all over it'}: relief too fine for it to follow, as of veins and ruffles, or "
-        "noise that neighbors have in common"
+        f"the blade lacks about {share} of its area, {area}, {where}: relief too fine for it to follow, as of veins "
+        "and ruffles, or noise that neighbors have in common"
     )
 
 
@@ -179,9 +203,9 @@ def _squares(plane: FloatArray) -> IntArray:
     return np.unique(cells, axis=0, return_inverse=True)[1].ravel()
 
 
-def _bound(missing: _Missing) -> float:
-    """Return what is missing beyond chance."""
-    return missing.share - BEYOND_CHANCE * missing.deviation
+def _bound(missing: _Missing, beyond: float) -> float:
+    """Return what is missing beyond chance, of so many deviations."""
+    return missing.share - beyond * missing.deviation
 
 
 def _missing(pairs: _Pairs, least: float, most: float, group: IntArray) -> _Missing:

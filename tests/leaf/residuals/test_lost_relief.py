@@ -61,6 +61,20 @@ def test_what_is_missing_is_the_area_of_the_scan_less_that_of_the_blade(held, si
     assert found.deviation < 0.015
 
 
+@pytest.mark.parametrize("size", [0.0, 0.1])
+@pytest.mark.parametrize("long", [1.5, 1.75, 2.0])
+def test_relief_that_only_nearest_neighbors_show_is_told_as_such(long, size):
+    """As short as the lags by which longer waves are seen, waves cancel between them."""
+    plane = square()
+    wave = 0.3 * np.sin(2 * np.pi / long * plane) @ [1.0, 1.0]
+    found = lost(plane, np.zeros(len(plane)), wave + noise(plane, size))
+    truth = np.sqrt(1 + (0.3 * 2 * np.pi / long) ** 2) - 1
+    assert found.told
+    assert found.is_short
+    assert LOST_TO_SHORT_LAGS * truth < found.share + 3 * found.deviation
+    assert found.share < truth + 3 * found.deviation
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, 2.0])
 @pytest.mark.parametrize("apart", [1.0, 1.4, 2.0])
 def test_scan_lines_that_are_off_one_another_are_no_relief(apart, turn):
@@ -94,7 +108,7 @@ def test_noise_of_points_and_of_passes_is_no_relief(size):
     # Pairs of points, as on lines of a scanner, that err alike.
     twice = np.concatenate([plane, plane + [0.0, 0.2]])
     alike = lost(twice / np.sqrt(0.5), np.zeros(len(twice)), np.tile(noise(plane, size), 2))
-    assert not alike.told
+    assert alike.is_short
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -144,7 +158,7 @@ def test_a_bent_blade_lacks_what_a_flat_one_does_and_shows_where():
 
 def test_few_points_tell_nothing():
     plane = square()[: MIN_POINTS - 1]
-    assert lost(plane, np.zeros(len(plane)), waves(plane)) == (0.0, 1.0, ())
+    assert lost(plane, np.zeros(len(plane)), waves(plane)) == (0.0, 1.0, False, ())
 
 
 def test_points_of_one_place_in_the_chart_are_no_trouble():
