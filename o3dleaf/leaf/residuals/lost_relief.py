@@ -14,8 +14,10 @@ from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
 WINDOW = 64
 """Points around one over which the blade's own relief stands out of a quadric, 4.5 spacings to each side: about what a
 fit smooths over, and little enough for the bends of a leaf."""
-LAGS = (0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
+LAGS = (1.25, 1.5, 2.0)
 """Spacings up to which points are paired: short lags see narrow relief, long ones, which have more pairs, weak one."""
+SHORT_LAGS = (0.5, 0.75, 1.0)
+"""Those for what only nearest neighbors have in common."""
 APART = 0.75
 """Spacings beyond which relief of about two and a half spacings and more shows as well. What only nearest neighbors
 share is shorter, or noise, as along one line of a scanner that crosses others, or in voxels."""
@@ -25,8 +27,9 @@ common is one along the line and none across it, at any lag. Lines as far apart 
 have pairs in directions 45° off and more up to about the longest lag: two sectors' width."""
 BEYOND_CHANCE = 3.0
 """Deviations by which an area must be missing: of smooth leaves one in 740 seems to lack that by chance."""
-BEYOND_LAGS = 4.0
-"""Deviations by which it must be where only one of `LAGS` shows it: one in 31,000 for each, all are from some pairs."""
+BEYOND_SHORT = 4.0
+"""Deviations by which it must be by one of `SHORT_LAGS`: with three lags and few pairs, of flat samples of 600 random
+points one in 400 seems to have relief."""
 MAX_LOST = 0.01
 """Share of the area above which it is told: to what a blade's area is asked to be right."""
 MOST = 1.5
@@ -41,6 +44,8 @@ OF_GROUP = 32
 """Points of a square, at least: it is then nearly three times as wide as the longest lag."""
 MIN_POINTS = 256
 """Points of which four windows may be made, at least: fewer tell nothing."""
+MIN_PAIRS = 256
+"""Pairs of points, at least: four to each of the squares, of which a deviation is known."""
 MAX_POINTS = 20_000
 """Points that are paired with those around them; of more, as many, evenly."""
 BATCH = 2_000
@@ -100,8 +105,8 @@ def find_lost_relief(plane: FloatArray, feet: FloatArray, distance: FloatArray, 
     along them, and none in other directions, so that each of `SECTORS` directions has a C₀ of its own. As
     :math:`J_0(k r) - J_0(k t) ≤ k^2 (t^2 - r^2) / 4`, waves as short as the lags count for less than they have: the
     share is a lower bound, and of `LAGS` the one whose bound is highest is taken, if without pairs nearer than `APART`
-    area is missing as well. If not, the relief is shorter than that, or noise of neighbors, and the bound is of
-    `BEYOND_LAGS` deviations.
+    area is missing as well. If not, relief shorter than that, or noise of neighbors, shows by `SHORT_LAGS`, of which
+    the bound is of `BEYOND_SHORT` deviations.
 
     Parameters
     ----------
@@ -123,12 +128,12 @@ def find_lost_relief(plane: FloatArray, feet: FloatArray, distance: FloatArray, 
     pairs = _pair(plane, feet, distance, DENSEST * spacing)
     group = _squares(plane)
     lost = _missing(pairs, APART, max(LAGS), group)
-    is_short = _bound(lost, BEYOND_CHANCE) <= 0
-    beyond = BEYOND_LAGS if is_short else BEYOND_CHANCE
-    highest = max((_missing(pairs, 0.0, lag, group) for lag in LAGS), key=lambda missing: _bound(missing, beyond))
-    is_short = is_short and _bound(highest, beyond) > 0
-    if is_short or _bound(lost, BEYOND_CHANCE) > 0:
-        lost = highest
+    if _bound(lost, BEYOND_CHANCE) > 0:
+        lost, is_short = _highest(pairs, LAGS, BEYOND_CHANCE, group), False
+    else:
+        short = _highest(pairs, SHORT_LAGS, BEYOND_SHORT, group)
+        is_short = _bound(short, BEYOND_SHORT) > 0
+        lost = short if is_short else lost
     longer = float(np.sqrt(1 + 2 * max(lost.share, 0.0)))
     share = longer - 1 if lost.share > 0 else lost.share
     found = LostRelief(share, lost.deviation / longer, is_short=is_short, places=())
@@ -203,15 +208,22 @@ def _squares(plane: FloatArray) -> IntArray:
     return np.unique(cells, axis=0, return_inverse=True)[1].ravel()
 
 
+def _highest(pairs: _Pairs, lags: tuple[float, ...], beyond: float, group: IntArray) -> _Missing:
+    """Return what is missing by that of the lags whose bound is highest."""
+    return max((_missing(pairs, 0.0, lag, group) for lag in lags), key=lambda missing: _bound(missing, beyond))
+
+
 def _bound(missing: _Missing, beyond: float) -> float:
     """Return what is missing beyond chance, of so many deviations."""
     return missing.share - beyond * missing.deviation
 
 
 def _missing(pairs: _Pairs, least: float, most: float, group: IntArray) -> _Missing:
-    """Return what is missing by the pairs of some lags; its deviation is that of groups (n,)."""
+    """Return what is missing by the pairs of some lags, of few pairs nothing; its deviation is that of groups (n,)."""
     size = np.hypot(*pairs.lag.T)
     near = (least <= size) & (size <= most)
+    if np.count_nonzero(near) < MIN_PAIRS:
+        return _Missing(0.0, 1.0, np.zeros(len(group)))
     (u, v), weight = pairs.lag[near].T, pairs.weight[near] / (pairs.weight[near].sum() or 1.0)
     sector = np.floor(np.arctan2(v, u) / np.pi * SECTORS).astype(np.int64) % SECTORS
     terms = np.column_stack([u * u, 2 * u * v, v * v, sector[:, np.newaxis] == np.arange(SECTORS)])

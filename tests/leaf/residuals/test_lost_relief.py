@@ -75,6 +75,14 @@ def test_relief_that_only_nearest_neighbors_show_is_told_as_such(long, size):
     assert found.share < truth + 3 * found.deviation
 
 
+def test_of_many_small_samples_with_noise_none_has_short_relief():
+    """Few pairs are that near: within one deviation, by one of three lags, half of these would have some."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        plane = rng.uniform(0, 20, (400, 2))
+        assert not lost(plane, np.zeros(400), 0.3 * rng.normal(size=400)).told
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, 2.0])
 @pytest.mark.parametrize("apart", [1.0, 1.4, 2.0])
 def test_scan_lines_that_are_off_one_another_are_no_relief(apart, turn):
