@@ -11,6 +11,8 @@ from o3dleaf.core.errors import InputError
 
 FAR_BOXES = 1e6
 """Sizes of a surface from which on a place is too far to tell the foot of it."""
+STRAY = 100
+"""One in so many of the points, at either end, may be stray where it is judged whether they lie on a line."""
 
 
 def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = None, least: int = 0) -> FloatArray:
@@ -134,20 +136,29 @@ def require_breadth(points: FloatArray, name: str) -> None:
     """Raise `InputError` if (n, 3) points are a line, and no surface.
 
     They are where they are no wider than one of n steps along them. Where they are as thick as wide, as a line with
-    noise or a wire, they are up to nine: fewer than five points around a circle do not show it.
+    noise or a wire, they are up to nine: fewer than five points around a circle do not show it. The outermost
+    hundredth at either end counts in no width: a single stray point may lie a million widths away.
     """
     offsets = points - (points.min(axis=0) / 2 + points.max(axis=0) / 2)
     scale = float(np.abs(offsets).max()) or 1.0
     offsets /= scale
     offsets -= offsets.mean(axis=0)
     axes = np.linalg.eigh(offsets.T @ offsets)[1]
-    thickness, breadth, length = (scale * np.ptp(offsets @ axes, axis=0)).tolist()
-    steps = 9 if thickness > breadth / 2 else 1
-    if breadth * len(points) < steps * length:
+    places, stray = offsets @ axes, -(-len(points) // STRAY)
+    widths = np.ptp(places, axis=0)
+    if _is_line(widths, len(points)) and _is_line(np.ptp(np.sort(places, axis=0)[stray:-stray], axis=0), len(points)):
+        _, breadth, length = (scale * widths).tolist()
         raise InputError(
             f"{name}: its {len(points):,} points lie on one line, {breadth:.3g} wide and {length:.3g} long; "
             f"{surface_wanted(points)}"
         )
+
+
+def _is_line(widths: FloatArray, count: int) -> bool:
+    """Return whether so many points of a thickness, breadth and length (3,) are a line; those of one place are."""
+    thickness, breadth, length = widths.tolist()
+    steps = 9 if thickness > breadth / 2 else 1
+    return bool(breadth * count <= steps * length)
 
 
 def surface_wanted(points: FloatArray) -> str:

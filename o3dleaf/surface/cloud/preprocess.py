@@ -89,6 +89,8 @@ def preprocess_point_cloud(
     given = None if normals is None else without_infinite(as_raw_rows(normals, "normals"))
     if given is not None and len(given) != len(points):
         raise InputError(f"normals: {len(given)} for {len(points)} points; give one per point")
+    if given is not None and not given.any():
+        given = None  # a property that was never filled
     seen_from = None if viewpoint is None else as_viewpoint(viewpoint, len(points))
     if voxel_size is not None:
         require_positive(voxel_size, "voxel_size")

@@ -26,6 +26,21 @@ REGULAR = ("lattice", "jittered", "lines")
 SHAPES = {"ellipse": leaves.ellipse(), "strip": leaves.strip(20), "lobed": leaves.lobed(), "eaten": leaves.eaten(6)}
 
 
+@pytest.mark.parametrize("seed", [6, 9])
+def test_no_slit_reaches_into_a_leaf_from_between_its_teeth(seed):
+    """Teeth of eight spacings are rounded off; the notches between them, which pass for tips, end where they do."""
+    pitch, depth = 4.1, 3.1
+    along = np.linspace(0, 1, 4000, endpoint=False)
+    around = np.stack([30 * np.cos(2 * np.pi * along), 14 * np.sin(2 * np.pi * along)], axis=1)
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(around, axis=0).T))])
+    out = around / [30.0**2, 14.0**2]
+    tooth = depth * (lengths / pitch % 1 - 0.5) / np.hypot(*out.T)
+    leaf = shapely.Polygon(around + tooth[:, np.newaxis] * out)
+    points = leaves.uniform(leaf, 5000, np.random.default_rng(seed))
+    margin, spacing = Margin.fit(points), leaves.true_spacing(leaf, points)
+    assert leaf.buffer(-3 * spacing).difference(margin.polygon).area == 0
+
+
 @pytest.mark.parametrize("sampler", leaves.SAMPLERS)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_area_and_margin_are_those_of_the_leaf_not_of_its_outermost_points(shape, sampler):

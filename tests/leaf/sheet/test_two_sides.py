@@ -68,6 +68,19 @@ def test_a_leaf_folded_in_two_is_none_of_two_sides(noise):
     assert find_both_sides(points + rng.normal(0, noise * spacing, points.shape)) is None
 
 
+@pytest.mark.parametrize("turns", [1.4, 2.2])
+def test_a_leaf_rolled_up_into_a_scroll_is_none_of_two_sides(turns):
+    """Its layers lie farther apart than triangles join, and face one way; one sheet winds through all of them."""
+    rng, apart, spacing = np.random.default_rng(0), 4.0, 0.7
+    turn = np.linspace(0, 2 * np.pi * turns, 4000)
+    spiral = (3 + apart * turn / (2 * np.pi))[:, np.newaxis] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(spiral, axis=0).T))])
+    count = round(40 * along[-1] / spacing**2)
+    wound = rng.uniform(0, along[-1], count)
+    points = np.stack([rng.uniform(0, 40, count), *(np.interp(wound, along, axis) for axis in spiral.T)], axis=1)
+    assert find_both_sides(points + rng.normal(0, 0.1 * spacing, points.shape)) is None
+
+
 def test_a_second_layer_over_a_part_is_no_other_side():
     leaf = o3l.samples.leaf_shape("layers", length=40, width=24, height=2.0)
     assert find_both_sides(o3l.samples.scan_leaf(leaf, seed=0, spacing=SPACING).points) is None

@@ -38,6 +38,16 @@ def test_legacy_clouds_tensor_clouds_and_arrays_are_taken_alike():
         assert np.array_equal(preprocess_point_cloud(held).normals, plain.normals)
 
 
+@pytest.mark.parametrize("empty", [0.0, np.nan])
+def test_normals_that_were_never_filled_are_none(empty):
+    points = np.random.default_rng(0).standard_normal((800, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    with_none = o3l.preprocess_point_cloud(points)
+    with_empty = o3l.preprocess_point_cloud(points, normals=np.full_like(points, empty))
+    assert np.array_equal(with_empty.normals, with_none.normals)
+    assert with_empty.notes == with_none.notes
+
+
 def test_normals_that_are_missing_or_flipped_are_mended():
     points, normals = sphere(3000)
     rng = np.random.default_rng(2)

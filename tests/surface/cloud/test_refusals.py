@@ -60,6 +60,16 @@ def test_points_on_a_line_are_no_surface(count, jitter, normals):
             o3l.create_from_point_cloud_rbfpu(cloud, prepare=lambda held: held)
 
 
+@pytest.mark.parametrize("far", [1e4, 1e9])
+def test_a_stray_point_far_off_makes_no_line_of_a_surface(far):
+    """A surface of a thousand points is a line to the eye of one a million widths away."""
+    rng = np.random.default_rng(0)
+    points = rng.standard_normal((1000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    cloud = o3l.preprocess_point_cloud(np.vstack([points, [[far, 0, 0]]]))
+    assert (len(cloud), cloud.removed.outliers) == (1000, 1)
+
+
 def test_a_surface_far_from_the_origin_in_single_precision_is_told_as_such():
     """At 5,000 km single precision has steps of half a meter, in which a leaf of 80 mm is one place or two."""
     points = np.random.default_rng(0).random((500, 3)) * [0.08, 0.08, 0.001] + [583_412.0, 5_123_877.9, 412.7]

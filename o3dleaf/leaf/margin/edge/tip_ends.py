@@ -7,7 +7,7 @@ import numpy as np
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.edge.edge_fit import EdgeFit
 from o3dleaf.leaf.margin.edge.edge_frame import NODE_STEP, EdgeSample
-from o3dleaf.leaf.margin.margin_tips import BEYOND, replaced
+from o3dleaf.leaf.margin.margin_tips import BEYOND, BLUNTEST, replaced
 
 WIDE, LONG = 4.5, 8.0
 """Spacings of width, and from the end, up to which at least a tip's taper is taken for even: farther leaves bend."""
@@ -84,6 +84,8 @@ def _tip(edge: EdgeFit, apex: int) -> _Taper | None:
     axis = middle[first] - middle[last]
     axis /= max(float(np.hypot(*axis)), 1e-300)
     side = np.array([-axis[1], axis[0]])
+    if (one[last] - other[last]) @ side >= 0:
+        return None  # the leaf lies around the flanks and not between them: a notch, whatever made it pass for a tip
     way = (middle[first : last + 1] - middle[first]) / spacing
     u, v = way @ axis, way @ side
     taper = np.polynomial.polynomial.polyfit(u, width[first : last + 1], 1)
@@ -92,9 +94,12 @@ def _tip(edge: EdgeFit, apex: int) -> _Taper | None:
 
 
 def _length(tip: _Taper, points: FloatArray, noise: float) -> float | None:
-    """Return how far the tip goes on beyond its narrow end, in spacings; None for no end within reach."""
+    """Return how far the tip goes on beyond its narrow end, in spacings; None for no end within reach, or no tip.
+
+    What tapers more bluntly than a tip is a corner, whose spine is too short to be continued.
+    """
     width, taper = tip.width
-    if taper >= 0 or not 0 < -width / taper <= LONGEST:
+    if not 0 < -taper <= 2 * np.tan(BLUNTEST / 2) or not 0 < -width / taper <= LONGEST:
         return None
     length = -width / taper
     way = (points - tip.origin) / tip.spacing

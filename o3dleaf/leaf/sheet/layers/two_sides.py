@@ -13,7 +13,7 @@ from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.residuals.two_layers import APART, BETWEEN, LESSER, MOST, SEEN
-from o3dleaf.leaf.sheet.layers.widths import PARALLEL, STEEP
+from o3dleaf.leaf.sheet.layers.widths import PARALLEL, STEEP, WIDEST
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import thinned
@@ -32,9 +32,10 @@ AGREEING = 7
 """Places of whose middles a point is moved to the median: beside a margin quadrics of single places lean."""
 ROUNDS = 6
 """Times that points are given to the nearer of two quadrics, which are fitted anew."""
-OPPOSITE = 0.5
-"""Share of an open sheet over which it lies twice, and faces away from itself, from which on it goes round a fold: 0.8
-and more of a leaf folded in two, and none of two sides, of whose layers it holds one or both as they are."""
+TWICE = 0.5
+"""Share of an open sheet over which it lies twice from which on it is that of a leaf folded in two or rolled up: 0.8
+and more of those, and next to none of two sides, of which each is a sheet. Up to `WIDEST` spacings apart triangles may
+join sides, but so that they face one way; a leaf folded in two faces away from itself."""
 REACH = 1.5
 """Times the distance of the sides within which the sheet is seen to lie twice."""
 MAX_SHEET_POINTS = 20_000
@@ -55,7 +56,8 @@ class BothSides(NamedTuple):
         """Return a line on what was found and done."""
         return (
             f"both sides of the leaf, {tell_length(self.apart)} apart on {100 * self.share:.3g} % of the scan, around "
-            f"{tell_middle(self.points, self.points)}: the blade runs midway between them"
+            f"{tell_middle(self.points, self.points)}: the blade runs midway between them; if the leaf is folded or "
+            "rolled up instead, one_sheet=False keeps its layers apart"
         )
 
 
@@ -93,7 +95,7 @@ def find_both_sides(points: FloatArray) -> BothSides | None:
 
     each point given to the nearer one in turn. Where they leave much less than one quadric does they are the sides of a
     leaf of thickness d, and points move by ± d/2 along the normal. A scan of which one open sheet goes through both, as
-    of a leaf folded in two, is none.
+    of a leaf folded in two or rolled up, is none.
     """
     if len(points) < 2 * SEEN:
         return None
@@ -169,15 +171,17 @@ def _split(values: FloatArray) -> FloatArray:
 
 
 def _is_folded(points: FloatArray, apart: float) -> bool:
-    """Return whether one open sheet goes round through both sides, so far apart; round all of a margin it is closed."""
+    """Return whether one open sheet goes through both sides, so far apart; round all of a margin it is closed."""
     cloud = OrientedCloud.of(points[thinned(len(points), -(-len(points) // MAX_SHEET_POINTS))])
     sheets = OpenSheets.of(cloud.points, np.zeros(len(cloud)), cloud.spacing)
     if sheets.is_closed:
         return False
     vertices, triangles = sheets.sheet()
     layers = nearest_layers(vertices, vertex_normals(vertices, triangles), REACH * apart, STEEP)
-    away = np.isfinite(layers.distance) & (layers.facing <= -PARALLEL)
-    return bool(np.mean(away.any(axis=1)) > OPPOSITE)
+    twice = np.isfinite(layers.distance)
+    if apart <= WIDEST * cloud.spacing:
+        twice &= layers.facing <= -PARALLEL
+    return bool(np.mean(twice.any(axis=1)) > TWICE)
 
 
 def _moved(points: FloatArray, places: _Places) -> FloatArray:
