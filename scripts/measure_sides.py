@@ -75,25 +75,14 @@ def measure_wires(seeds):
 
 
 def right_of_wires(places, radius, noise, seed):
-    """Return the share of right normals of round-ended wires at places (k, 2), 0 where they are refused.
-
-    By Archimedes their ends have as much area for a piece of the axis as their middles.
-    """
-    rng = np.random.default_rng(seed)
-    count = round(2 * np.pi * radius * (WIRE_LENGTH + 2 * radius))
-    along = rng.uniform(-radius, WIRE_LENGTH + radius, (len(places), count))
-    angle = rng.uniform(0, 2 * np.pi, along.shape)
-    foot = np.clip(along, 0, WIRE_LENGTH)
-    level = np.sqrt(radius**2 - (along - foot) ** 2)
-    way = np.stack([level * np.cos(angle), level * np.sin(angle), along], axis=-1)
-    way += noise * rng.normal(size=way.shape)
-    points = (way + np.append(places, np.zeros((len(places), 1)), axis=1)[:, np.newaxis]).reshape(-1, 3)
-    way[..., 2] -= np.clip(way[..., 2], 0, WIRE_LENGTH)
+    """Return the share of right normals of wires at places (k, 2), 0 where they are refused."""
+    solid = o3l.samples.Wires(tuple(map(tuple, places)), radius, WIRE_LENGTH)
+    points, facing = solid.sample(round(solid.area), seed)
     try:
-        normals = o3l.orient_normals(points).normals
+        normals = o3l.orient_normals(points + noise * np.random.default_rng(seed).normal(size=points.shape)).normals
     except O3DLeafError:
         return 0.0
-    return np.mean(np.einsum("ij,ij->i", normals, way.reshape(-1, 3)) > 0)
+    return np.mean(np.einsum("ij,ij->i", normals, facing) > 0)
 
 
 def filled(kind, count, seed):

@@ -88,9 +88,12 @@ def test_the_winding_number_is_a_half_on_a_closed_surface():
 
 def test_an_open_sheet_has_one_side_and_a_note():
     x, y = np.random.default_rng(5).uniform(0, 1, (2, 2500))
-    cloud = preprocess_point_cloud(np.column_stack([x, y, 0.2 * np.sin(5 * x) * y]))
+    points = np.column_stack([x, y, 0.2 * np.sin(5 * x) * y])
+    cloud = preprocess_point_cloud(points)
     assert abs(np.sum(np.sign(cloud.normals[:, 2]))) == 2500
     assert "open sheet" in cloud.notes[0]
+    assert orient_normals(points).is_open
+    assert not orient_normals(sphere(1000)[0]).is_open
 
 
 @pytest.mark.parametrize(("half_width", "share"), [(0.1, 0.0), (0.25, 0.0), (0.25, 0.005)])

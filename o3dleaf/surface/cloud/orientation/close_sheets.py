@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.surface.cloud.orientation.sides import OPEN_NOTE
 from o3dleaf.surface.cloud.surfels import Surfels
 
 TWO_SHEETS_NOTE = "two sheets lie close together and face away from one another"
+WITHIN_NOISE_NOTE = "two sheets lie within the noise, cannot be told apart and are treated as one; give normals"
 TWO_SHEETS = -0.25
 """Excess kurtosis of heights below which they are of two sheets: noise has at least 0, sheets 2σ apart -0.5."""
 TWO_CLEAR_SHEETS = -1.3
@@ -26,6 +26,11 @@ class Middle(NamedTuple):
     height: FloatArray
     excess: float
 
+    @property
+    def is_of_two(self) -> bool:
+        """True where it is that of two sheets which the points lie clearly on."""
+        return self.excess < TWO_CLEAR_SHEETS
+
 
 def middle_of(points: FloatArray, surfels: Surfels, normals: FloatArray) -> Middle:
     """Return the normals (m, 3) of surfels blended at points (n, 3), and what the points are over them."""
@@ -40,12 +45,8 @@ def middle_of(points: FloatArray, surfels: Surfels, normals: FloatArray) -> Midd
     return Middle(outward, height, float(np.median(kurtosis[surfels.rows].mean(axis=1))) - 3)
 
 
-def split_sheets(middle: Middle, notes: tuple[str, ...]) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return the normals (n, 3) of one sheet, or of two, turned outward from the middle between them, and the notes."""
-    if middle.excess < TWO_CLEAR_SHEETS:
-        side = np.where(middle.height < 0, -1.0, 1.0)[:, np.newaxis]
-        kept = tuple(note for note in notes if note != OPEN_NOTE)
-        return side * middle.normals, (*kept, TWO_SHEETS_NOTE)
-    if middle.excess < TWO_SHEETS:
-        notes += ("two sheets lie within the noise, cannot be told apart and are treated as one; give normals",)
-    return middle.normals, notes
+def split_sheets(middle: Middle) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return the normals (n, 3) of one sheet, or of two, turned outward from the middle between them, and the note."""
+    if middle.is_of_two:
+        return np.where(middle.height < 0, -1.0, 1.0)[:, np.newaxis] * middle.normals, (TWO_SHEETS_NOTE,)
+    return middle.normals, (WITHIN_NOISE_NOTE,) if middle.excess < TWO_SHEETS else ()
