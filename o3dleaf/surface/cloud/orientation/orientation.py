@@ -16,13 +16,7 @@ from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_share
 from o3dleaf.surface.cloud.neighbors import nearest_neighbors
 from o3dleaf.surface.cloud.normals import on_seams
-from o3dleaf.surface.cloud.orientation.close_sheets import (
-    TWO_CLEAR_SHEETS,
-    TWO_SHEETS,
-    Middle,
-    middle_of,
-    split_sheets,
-)
+from o3dleaf.surface.cloud.orientation.close_sheets import Middle, middle_of, split_sheets
 from o3dleaf.surface.cloud.orientation.sides import OPEN, OPEN_NOTE, Sides, find_sides
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import MIN_POINTS, Surfels
@@ -180,8 +174,7 @@ def _close_sheets(points: FloatArray, surfels: Surfels, sides: Sides, middle: Mi
             return found
         return found._replace(normals=settle_sheets(points, surfels.spacing, found.normals))
     if sides.enclosed < OPEN:
-        thin = TWO_CLEAR_SHEETS <= middle.excess < TWO_SHEETS
-        anew = close_anew(points, surfels, sides.normals, middle.normals, thin=thin)
+        anew = close_anew(points, surfels, sides.normals, middle.normals, thin=middle.is_within_noise)
         return None if anew is None else Orientation(*anew)
     return None
 
