@@ -50,13 +50,17 @@ def find_unresolved(vertices: FloatArray, triangles: IntArray, data: OrientedClo
     distance, nearest = nearest_data(data, vertices)
     deficit = angle_deficits(vertices, triangles)
     bare = distance > BARE * data.point_spacing[nearest]
-    broken = _sum_around(data, np.bincount(nearest, deficit, len(data)), NEIGHBORS, BROKEN)
-    joined = _sum_around(data, np.bincount(nearest[bare], deficit[bare], len(data)), 2 * NEIGHBORS, JOINED)
-    return np.where(joined, joined, broken)
+    broken = _sum_around(data, nearest, deficit, NEIGHBORS, BROKEN)
+    joined = _sum_around(data, nearest, np.where(bare, deficit, 0.0), 2 * NEIGHBORS, JOINED)
+    return np.where(joined != 0, joined, broken)
 
 
-def _sum_around(data: OrientedCloud, own: FloatArray, count: int, least: float) -> FloatArray:
-    """Return (n,) the sums of points' own values over so many nearest ones, 0 where they are less than `least` is."""
+def _sum_around(data: OrientedCloud, nearest: IntArray, values: FloatArray, count: int, least: float) -> FloatArray:
+    """Return (n,) the sums of values at vertices, by their nearest points, over so many of these around each one.
+
+    They are 0 where they do not reach `least`, which has the sign that is asked for.
+    """
+    own = np.asarray(np.bincount(nearest, values, len(data)), dtype=np.float64)
     total = np.zeros(len(data))
     near = np.arange(1, min(count, len(data)) + 1)
     # A sum as large has a part of it in one of its terms, and the points that sum it are near that one.

@@ -143,6 +143,14 @@ def test_wires_side_by_side_are_no_sheet(radius, gap, noise):
     assert right(orient_normals(cloud).normals, normals) >= ALMOST_ALL
 
 
+def test_what_the_whole_leaves_in_doubt_is_settled_by_narrower_dipoles():
+    """Wires a spacing apart: dipoles two spacings wide leave six in a thousand wrong."""
+    points, normals = wires([(0.0, 0.0), (4.0, 0.0), (8.0, 0.0)], radius=1.5)
+    found = orient_normals(OrientedCloud.of(points))
+    assert any("what the whole encloses" in note for note in found.notes)
+    assert right(found.normals, normals) >= ALMOST_ALL
+
+
 def test_a_bundle_of_wires_that_is_half_settled_is_settled_once_more():
     """One wire among six: its neighbors join it with contrary sides."""
     turn = np.arange(6) * np.pi / 3 + 0.2
