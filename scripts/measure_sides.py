@@ -1,11 +1,12 @@
 """Clouds without normals, of thin parts under noise: at which scale they are a surface, and how many sides are right.
 
-python scripts/measure_sides.py [--points N] [--noise SHARE ...] [--seeds N] [--wires]
+python scripts/measure_sides.py [--points N] [--noise SHARE ...] [--seeds N] [--first SEED] [--wires] [--meshes]
 
 Flatness is that of neighborhoods of sixteen points, and of twelve over it; balls and boxes that points fill are there
 to compare with. Noise is in shares of the diagonal; a side is right where a normal faces as the solid's does at the
 nearest place. With --wires, instead: three wires in a row, and one among six, by their radius, gaps and noise in
-spacings; right is the mean of all seeds, and the least.
+spacings; right is the mean of all seeds, and the least. With --meshes, too, how many of their surfaces are not of as
+many pieces without handles as there are wires, and how many of these without a word.
 """
 
 import argparse
@@ -39,9 +40,11 @@ def main():
     parser.add_argument("--noise", type=float, nargs="+", default=[0.002, 0.005], help="of the box's diagonal")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--wires", action="store_true", help="wires side by side instead")
+    parser.add_argument("--first", type=int, default=0, help="seed of the wires' first cloud")
+    parser.add_argument("--meshes", action="store_true", help="reconstruct the wires, too")
     args = parser.parse_args()
     if args.wires:
-        measure_wires(args.seeds)
+        measure_wires(range(args.first, args.first + args.seeds), meshes=args.meshes)
         return
     table = Table(title="Sides of clouds without normals")
     for name in ("cloud", "noise", "seed", "flatness", "of twelve", "thinned", "planes of", "right"):
@@ -60,40 +63,55 @@ def main():
     Console(width=100).print(table)
 
 
-def measure_wires(seeds):
-    """Print which share of the normals of wires side by side is on the right side."""
+def measure_wires(seeds, *, meshes):
+    """Print which share of the normals of wires side by side is right, and how many surfaces join or tear wires."""
     table = Table(title="Wires side by side, a point per unit area")
-    for name in ("wires", "radius", "gap", "noise", "right", "least"):
+    for name in ("wires", "radius", "gap", "noise", "right", "least", *(("wrong", "untold") if meshes else ())):
         table.add_column(name)
+    total = np.zeros(2, dtype=int)
     for kind, places in PLACES.items():
         for radius, gap in WIRES:
+            solid = o3l.samples.Wires(tuple(map(tuple, places * (2 * radius + gap))), radius, WIRE_LENGTH)
             for noise in WIRE_NOISE:
-                shares = [right_of_wires(places * (2 * radius + gap), radius, noise, seed) for seed in range(seeds)]
-                row = kind, radius, gap, noise, f"{np.mean(shares):.1%}", f"{np.min(shares):.1%}"
+                clouds = [noisy_wires(solid, noise, seed) for seed in seeds]
+                shares = [right_of_wires(*cloud) for cloud in clouds]
+                row = [kind, radius, gap, noise, f"{np.mean(shares):.1%}", f"{np.min(shares):.1%}"]
+                if meshes:
+                    found = np.sum([faults_of_wires(points, len(places)) for points, _ in clouds], axis=0)
+                    total += found
+                    row += list(found)
                 table.add_row(*map(str, row))
     Console(width=100).print(table)
+    if meshes:
+        bundles = len(PLACES) * len(WIRES) * len(WIRE_NOISE) * len(seeds)
+        print(f"Of {bundles} surfaces {total[0]} are wrong, {total[1]} without a word")
 
 
-def right_of_wires(places, radius, noise, seed):
-    """Return the share of right normals of round-ended wires at places (k, 2), 0 where they are refused.
+def noisy_wires(solid, noise, seed):
+    """Return a point per unit area of wires, with noise, and the normals where they came from."""
+    points, normals = solid.sample(round(solid.area), seed)
+    return points + noise * np.random.default_rng(seed).normal(size=points.shape), normals
 
-    By Archimedes their ends have as much area for a piece of the axis as their middles.
-    """
-    rng = np.random.default_rng(seed)
-    count = round(2 * np.pi * radius * (WIRE_LENGTH + 2 * radius))
-    along = rng.uniform(-radius, WIRE_LENGTH + radius, (len(places), count))
-    angle = rng.uniform(0, 2 * np.pi, along.shape)
-    foot = np.clip(along, 0, WIRE_LENGTH)
-    level = np.sqrt(radius**2 - (along - foot) ** 2)
-    way = np.stack([level * np.cos(angle), level * np.sin(angle), along], axis=-1)
-    way += noise * rng.normal(size=way.shape)
-    points = (way + np.append(places, np.zeros((len(places), 1)), axis=1)[:, np.newaxis]).reshape(-1, 3)
-    way[..., 2] -= np.clip(way[..., 2], 0, WIRE_LENGTH)
+
+def right_of_wires(points, facing):
+    """Return the share of right normals of wires, 0 where they are refused."""
     try:
         normals = o3l.orient_normals(points).normals
     except O3DLeafError:
         return 0.0
-    return np.mean(np.einsum("ij,ij->i", normals, way.reshape(-1, 3)) > 0)
+    return np.mean(np.einsum("ij,ij->i", normals, facing) > 0)
+
+
+def faults_of_wires(points, count):
+    """Return whether the surface is not of so many pieces without handles, and whether it is so without a word."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            report = o3l.mesh_report(o3l.create_from_point_cloud_rbfpu(points)[0])
+        except O3DLeafError:
+            return 1, 0
+    wrong = (report.components, report.genus, report.boundary_edges) != (count, 0, 0)
+    return int(wrong), int(wrong and not told)
 
 
 def filled(kind, count, seed):

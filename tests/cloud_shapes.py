@@ -53,28 +53,6 @@ def pipe(count, spacings=1.5, seed=0):
     return radius[:, np.newaxis] * outward + np.outer(height, [0, 0, 1]), normals
 
 
-def wires(places, length=40.0, radius=2.0, noise=0.0, seed=0):
-    """Return round-ended wires upright at places (k, 2), a point per unit area, and their normals there, with noise.
-
-    By Archimedes their ends have as much area for a piece of the axis as their middles.
-    """
-    rng = np.random.default_rng(seed)
-    count = round(2 * np.pi * radius * (length + 2 * radius))
-    along, angle = (
-        rng.uniform(-radius, length + radius, (len(places), count)),
-        rng.uniform(0, 2 * np.pi, (len(places), count)),
-    )
-    foot = np.clip(along, 0, length)
-    upward = (along - foot) / radius
-    level = np.sqrt(1 - upward**2)
-    way = np.stack([level * np.cos(angle), level * np.sin(angle), upward], axis=-1)
-    axis = np.concatenate([np.repeat(np.array(places)[:, np.newaxis], count, axis=1), foot[..., np.newaxis]], axis=-1)
-    points = axis + radius * way + noise * rng.normal(size=way.shape)
-    way = points - axis
-    way[..., 2] += foot - np.clip(points[..., 2], 0, length)
-    return points.reshape(-1, 3), (way / np.linalg.norm(way, axis=-1, keepdims=True)).reshape(-1, 3)
-
-
 def ground(x, y):
     """Return heights of waves 9 to 44 long, and their slopes along x and y."""
     height = 0.5 * np.sin(x / 6) * np.cos(y / 7) + 0.12 * np.sin(x / 1.5) * np.cos(y / 1.7)

@@ -10,6 +10,7 @@
 `meshed`  solids meshed finely
 `slab`    a wavy sheet
 `figure`  a figure of many parts
+`wires`   round-ended wires side by side
 `mesh_solid` the solid within a closed mesh
 `narrow`  fins, a gap, a fold, bumps
 `leaves`  leaves of any shape: curled, twisted, eaten, lobed, on a petiole
@@ -29,6 +30,7 @@ from o3dleaf.samples.scan import ScanSample, wheat_scan
 from o3dleaf.samples.sheet import WheatBlade
 from o3dleaf.samples.slab import WavySheet
 from o3dleaf.samples.solids import Block, Feet, Solid, Sphere, Torus
+from o3dleaf.samples.wires import Wires
 
 __all__ = [
     "LEAF_KINDS",
@@ -45,6 +47,7 @@ __all__ = [
     "WavySheet",
     "WheatBlade",
     "WheatPatch",
+    "Wires",
     "bumps",
     "fins",
     "fold",

@@ -172,11 +172,11 @@ class Sphere(Solid):
         return float(4 * np.pi * self.radius**2)
 
     def _feet(self, points: FloatArray) -> Feet:
-        normals, length = _directions(points, np.array([1.0, 0.0, 0.0]))
+        normals, length = directions(points, np.array([1.0, 0.0, 0.0]))
         return Feet(self.radius * normals, normals, length - self.radius)
 
     def _draw(self, count: int, rng: np.random.Generator) -> FloatArray:
-        return _directions(rng.normal(size=(count, 3)), np.array([1.0, 0.0, 0.0]))[0] * self.radius
+        return directions(rng.normal(size=(count, 3)), np.array([1.0, 0.0, 0.0]))[0] * self.radius
 
 
 @checked
@@ -206,8 +206,8 @@ class Torus(Solid):
 
     def _feet(self, points: FloatArray) -> Feet:
         flat = points * [1.0, 1.0, 0.0]
-        middle = self.radius * _directions(flat, np.array([1.0, 0.0, 0.0]))[0]
-        normals, length = _directions(points - middle, np.array([0.0, 0.0, 1.0]))
+        middle = self.radius * directions(flat, np.array([1.0, 0.0, 0.0]))[0]
+        normals, length = directions(points - middle, np.array([0.0, 0.0, 1.0]))
         return Feet(middle + self.tube * normals, normals, length - self.tube)
 
     def _draw(self, count: int, rng: np.random.Generator) -> FloatArray:
@@ -268,7 +268,7 @@ class Block(Solid):
         return points
 
 
-def _directions(vectors: FloatArray, otherwise: FloatArray) -> tuple[FloatArray, FloatArray]:
+def directions(vectors: FloatArray, otherwise: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return unit vectors (n, 3) and lengths (n,); where a length is zero, the direction is `otherwise`."""
     length = np.linalg.norm(vectors, axis=1)
     zero = length == 0

@@ -156,6 +156,7 @@ def _fields() -> dict[str, Door]:
         ("samples.Sphere", lambda w: samples.Sphere(), QUERIES),
         ("samples.Torus", lambda w: samples.Torus(), QUERIES),
         ("samples.Block", lambda w: samples.Block(), QUERIES),
+        ("samples.Wires", lambda w: samples.Wires(), QUERIES),
         ("samples.MeshSolid", lambda w: samples.MeshSolid.of(w.mesh), QUERIES),
         ("samples.LeafShape", lambda w: w.leaf_shape, ON_LEAF),
         ("samples.WheatBlade", lambda w: w.wheat, QUERIES),
@@ -882,6 +883,9 @@ DOORS: dict[str, Door] = {
     "samples.WheatBlade.surface": method(lambda w: w.wheat, "surface", along=ROW, across=ROW),
     "samples.WheatBlade.closest": method(lambda w: w.wheat, "closest", points=QUERIES),
     "samples.WheatPatch.faces": method(lambda w: w.patch, "faces", points=PLACES),
+    "samples.Wires": door(
+        samples.Wires, places=TABLE.like(samples.Wires().places), radius=LENGTH.like(0.1), length=LENGTH
+    ),
     "samples.bumps": door(samples.bumps, slow=True, height=SIZE.like(0.01), wave=LENGTH.like(0.15)),
     "samples.fins": door(samples.fins, slow=True, thickness=LENGTH.like(0.04)),
     "samples.fold": door(samples.fold, slow=True, distance=LENGTH.like(0.04)),

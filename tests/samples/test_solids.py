@@ -6,13 +6,13 @@ from scipy.spatial import KDTree
 
 from o3dleaf import Field
 from o3dleaf.core.errors import InputError
-from o3dleaf.samples import Block, Figure, Sphere, Torus, WavySheet
+from o3dleaf.samples import Block, Figure, Sphere, Torus, WavySheet, Wires
 from o3dleaf.samples.figure import DEFAULT_PARTS
 from o3dleaf.samples.meshed import draw_on_triangles
 from o3dleaf.surface.mesh.topology import EdgeTable, label_triangles
 from tolerances import DIVERGENCE_SIGMAS, SAMPLE_DIFFERENCE, SHEET_AREA, SOLID_ASTRAY, SOLID_FOOT, SOLID_TIE
 
-KINDS = [Sphere, Torus, Block, WavySheet, Figure]
+KINDS = [Sphere, Torus, Block, Wires, WavySheet, Figure]
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_the_gradient_is_the_difference_quotient_and_has_length_one(solid):
 
 def test_samples_are_uniform_by_area(solid):
     """Gauss: the integral of x nᵀ over a closed surface is its volume times the unit matrix, and that of n is 0."""
-    known = {Sphere: np.pi / 6, Torus: 2 * np.pi**2 * 0.4 * 0.15**2, Block: 0.28}
+    known = {Sphere: np.pi / 6, Torus: 2 * np.pi**2 * 0.4 * 0.15**2, Block: 0.28, Wires: np.pi * 0.034}
     volume = known.get(type(solid)) or mesh_volume(*solid.mesh)
     points, normals = solid.sample(50_000, 7)
     about = points - points.mean(axis=0)
@@ -104,6 +104,12 @@ def test_samples_are_uniform_by_area(solid):
     expected = np.column_stack([np.zeros(3), volume * np.eye(3)])
     sigma = terms.std(axis=0) / np.sqrt(len(points))
     assert np.all(np.abs(terms.mean(axis=0) - expected) < DIVERGENCE_SIGMAS * sigma)
+
+
+@pytest.mark.parametrize("places", [(), ((0.0, 0.0), (0.0, 0.2))])
+def test_no_wires_and_wires_that_touch_are_refused(places):
+    with pytest.raises(InputError, match="farther apart than two radii"):
+        Wires(places)
 
 
 def test_points_on_triangles_are_uniform():

@@ -10,6 +10,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.even_sample import even_rows
 from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.neighbors import NEIGHBORS, fit_planes
+from o3dleaf.surface.cloud.rounding import find_steps
 from o3dleaf.surface.cloud.surfels import LINE
 
 SAMPLE = 4000
@@ -17,10 +18,6 @@ SAMPLE = 4000
 MIN_TERRACES = 0.25
 """Share of neighborhoods in one terrace, from which on a scan is one of terraces: steps of 0.6 spacings leave 0.11 on a
 bowed leaf and do no harm, 0.9 leave 0.29, and 1.25, of which it comes apart, half."""
-MIN_LEVELS = 3
-"""Levels of terraces at least: a pressed leaf has one, and two with what it lies on."""
-TOLERANCE = 0.01
-"""Of a step, by which levels may be off whole ones: single precision rounds them anew."""
 
 
 class Rounding(NamedTuple):
@@ -45,9 +42,5 @@ def find_rounding(points: FloatArray) -> Rounding | None:
     axis = int(terraces.sum(axis=0).argmax())
     if terraces[:, axis].mean() < MIN_TERRACES:
         return None
-    levels = np.unique(points[:, axis])
-    if len(levels) < MIN_LEVELS:
-        return None
-    rises = np.diff(levels)
-    steps = rises / rises.min()
-    return Rounding(axis, float(rises.min())) if (np.abs(steps - np.round(steps)) <= TOLERANCE).all() else None
+    step = float(find_steps(points[:, [axis]])[0])
+    return Rounding(axis, step) if step else None

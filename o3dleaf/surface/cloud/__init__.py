@@ -2,6 +2,7 @@
 
 `neighbors`       nearest neighbors, planes through them, and spacings by their distances
 `cells`           points sorted into cubic cells
+`rounding`        steps that coordinates were rounded to
 `noise`           noise and spacing at some places, on their own side
 `surfels`         points or groups of them with their planes
 `branchings`      lines along which three or more sheets meet

@@ -145,14 +145,14 @@ def _find_normals(
     """Return outward normals: those given where they can be used, else those that the steps find."""
     if given is None:
         return _find_anew(cloud, estimate, orient)
-    unit, notes, _ = check_normals(cloud, given, orient=orient is not None)
-    turned = float(np.mean(np.einsum("ij,ij->i", given, unit) < 0))
+    repaired = check_normals(cloud, given, orient=orient is not None)
+    turned = float(np.mean(np.einsum("ij,ij->i", given, repaired.normals) < 0))
     noisy = len(cloud.surfels.points) < len(cloud)
     if orient is None or not noisy or not UNUSABLE < turned < 1 - UNUSABLE:
-        return Orientation(unit, notes)
-    unit, more, cut = _find_anew(cloud, estimate, orient)
+        return repaired
+    found = _find_anew(cloud, estimate, orient)
     note = f"{turned:.0%} of the given normals are on the wrong side, because of noise: all were estimated anew"
-    return Orientation(unit, (note, *more), cut)
+    return found._replace(notes=(note, *found.notes))
 
 
 def _find_facing(

@@ -2,7 +2,8 @@
 
 By Gauss and Bonnet what a surface bends, its curvature summed over it, is 2π (V − E + F): each handle, be it a hole
 through a sheet or a bridge between two, has −4π, and the two tips that a part torn in two ends in have +4π. Where the
-sampling resolves a shape that is spread over many points; within the neighborhood of one it is there by chance.
+sampling resolves a shape that is spread over many points; within the neighborhood of one it is there by chance. Around
+a handle that is so because no points lie on it, and each end of a bridge, which may be long, has half of its −4π.
 """
 
 import numpy as np
@@ -20,8 +21,15 @@ from o3dleaf.surface.reconstruction.proximity import nearest_data
 NEIGHBORS = 16
 """Points of a neighborhood, as wherever a cloud's planes are fitted."""
 
-UNRESOLVED = 3 * np.pi
-"""Curvature of a neighborhood that no part of a shape has: one tip has 2π, half a torus's inside −2π, a handle −4π."""
+BROKEN = 3 * np.pi
+"""Curvature of a neighborhood that no part of a shape has: one tip has 2π, two that were one part have 4π."""
+
+JOINED = -1.5 * np.pi
+"""Curvature without data, of a neighborhood on either side, up to which it is a handle's: an end of a bridge that is
+all without has −2π, a handle with data a fifth of −4π."""
+
+BARE = 0.7
+"""Spacings from the nearest point beyond which a surface is without data: of random points a fifth of it is."""
 
 NOISE = 3.0
 """Standard deviations of the data off the surface that do not count."""
@@ -30,7 +38,8 @@ NOISE = 3.0
 def find_unresolved(vertices: FloatArray, triangles: IntArray, data: OrientedCloud) -> FloatArray:
     """Return (n,) the curvature of the surface around each point where it is that of a handle or a break, 0 elsewhere.
 
-    That is the sum over the point and its fifteen nearest, each with the vertices that it is nearest to.
+    That is the sum over the vertices that are nearest to the point or to one of its neighbors: to fifteen for breaks,
+    and for handles, which have two sheets, to 31, without the vertices near data.
 
     Parameters
     ----------
@@ -38,16 +47,28 @@ def find_unresolved(vertices: FloatArray, triangles: IntArray, data: OrientedClo
     data : OrientedCloud
         The n points that the surface was made of.
     """
-    own = np.bincount(nearest_data(data, vertices)[1], angle_deficits(vertices, triangles), len(data))
+    distance, nearest = nearest_data(data, vertices)
+    deficit = angle_deficits(vertices, triangles)
+    bare = distance > BARE * data.point_spacing[nearest]
+    broken = _sum_around(data, nearest, deficit, NEIGHBORS, BROKEN)
+    joined = _sum_around(data, nearest, np.where(bare, deficit, 0.0), 2 * NEIGHBORS, JOINED)
+    return np.where(joined != 0, joined, broken)
+
+
+def _sum_around(data: OrientedCloud, nearest: IntArray, values: FloatArray, count: int, least: float) -> FloatArray:
+    """Return (n,) the sums of values at vertices, by their nearest points, over so many of these around each one.
+
+    They are 0 where they do not reach `least`, which has the sign that is asked for.
+    """
+    own = np.asarray(np.bincount(nearest, values, len(data)), dtype=np.float64)
     total = np.zeros(len(data))
-    count = min(NEIGHBORS, len(data))
+    near = np.arange(1, min(count, len(data)) + 1)
     # A sum as large has a part of it in one of its terms, and the points that sum it are near that one.
-    seeds = np.flatnonzero(np.abs(own) >= UNRESOLVED / NEIGHBORS)
+    seeds = np.flatnonzero(own / least >= 1 / count)
     if len(seeds):
-        rows = np.unique(query(data.tree, data.points[seeds], np.arange(1, count + 1))[1])
-        total[rows] = own[query(data.tree, data.points[rows], np.arange(1, count + 1))[1]].sum(axis=1)
-    total[np.abs(total) < UNRESOLVED] = 0
-    return total
+        rows = np.unique(query(data.tree, data.points[seeds], near)[1])
+        total[rows] = own[query(data.tree, data.points[rows], near)[1]].sum(axis=1)
+    return np.where(total / least >= 1, total, 0.0)
 
 
 def angle_deficits(vertices: FloatArray, triangles: IntArray) -> FloatArray:
@@ -103,7 +124,7 @@ def doubts(vertices: FloatArray, triangles: IntArray, data: OrientedCloud) -> li
     if count:
         place = tell_place(data.points[curvature.argmax()], data.points)
         said.append(
-            f"the surface has a hole, a bridge or a break that fewer than {NEIGHBORS} points show, most of all at "
+            f"the surface has a hole, a bridge or a break that too few points show, most of all at "
             f"{place} ({count:,} point{'s' * (count > 1)} in all): parts may be joined or torn there"
         )
     return said

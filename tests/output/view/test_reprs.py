@@ -25,6 +25,7 @@ def things():
         o3l.samples.WavySheet(),
         o3l.samples.Torus(),
         o3l.samples.Block(),
+        o3l.samples.Wires(),
         sphere,
         sphere.closest(points),
         o3l.view.Points(points, color="#d55e00"),

@@ -88,9 +88,12 @@ def test_the_winding_number_is_a_half_on_a_closed_surface():
 
 def test_an_open_sheet_has_one_side_and_a_note():
     x, y = np.random.default_rng(5).uniform(0, 1, (2, 2500))
-    cloud = preprocess_point_cloud(np.column_stack([x, y, 0.2 * np.sin(5 * x) * y]))
+    points = np.column_stack([x, y, 0.2 * np.sin(5 * x) * y])
+    cloud = preprocess_point_cloud(points)
     assert abs(np.sum(np.sign(cloud.normals[:, 2]))) == 2500
     assert "open sheet" in cloud.notes[0]
+    assert orient_normals(points).is_open
+    assert not orient_normals(sphere(1000)[0]).is_open
 
 
 @pytest.mark.parametrize(("half_width", "share"), [(0.1, 0.0), (0.25, 0.0), (0.25, 0.005)])
@@ -159,6 +162,34 @@ def test_thin_parts_close_to_one_another_have_their_sides_under_noise(solid, see
     cloud = preprocess_point_cloud(noisy(points, 0.005, seed))
     assert right(cloud.normals, normals) >= MOST_OF_THIN_UNDER_NOISE
     assert not any("open sheet" in note for note in cloud.notes)
+
+
+def voxels(step, half):
+    """Return the points of a lattice that are up to half a thickness off the unit sphere."""
+    ticks = step * np.arange(-np.ceil(1 / step) - 2, np.ceil(1 / step) + 3)
+    points = np.stack(np.meshgrid(*3 * [ticks], indexing="ij"), axis=-1).reshape(-1, 3)
+    return points[np.abs(np.linalg.norm(points, axis=1) - 1) < half]
+
+
+@pytest.mark.parametrize(("step", "half"), [(0.05, 0.025), (0.07, 0.07)])
+def test_layers_of_voxels_are_not_two_sheets(step, half):
+    """Their heights are spread evenly, as those of two sheets under noise nearly are."""
+    cloud = preprocess_point_cloud(voxels(step, half), outliers=None)
+    assert not any("two sheets" in note for note in cloud.notes)
+    assert any("rounded to steps" in note for note in cloud.notes)
+    assert right(cloud.normals, cloud.points) >= ALMOST_ALL
+
+
+@pytest.mark.parametrize("step", [0.0, 0.05])
+def test_two_sheets_within_the_noise_are_told_however_finely_they_are_rounded(step):
+    """Two spacings apart, under noise of 0.6: heights with an excess kurtosis of −1.1. Steps are in spacings."""
+    spacing, rng = np.sqrt(4 * np.pi / 6000), np.random.default_rng(0)
+    radius = 1 + spacing * (rng.choice([-1.0, 1.0], 6000) + 0.6 * rng.normal(size=6000))
+    points = radius[:, np.newaxis] * sphere(6000)[0]
+    points = np.round(points / (step * spacing)) * step * spacing if step else points
+    cloud = preprocess_point_cloud(points, outliers=None)
+    assert any("two sheets lie within the noise" in note for note in cloud.notes)
+    assert not any("rounded" in note for note in cloud.notes)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.0015])

@@ -77,12 +77,31 @@ def test_a_rim_has_no_curvature():
 @pytest.mark.parametrize("sign", [1, -1])
 def test_what_joins_two_sheets_without_data_is_found_and_with_data_is_not(sign):
     mesh = mesh_of(dumbbell, sign)
-    for spacing, kept in ((SPARSE, off_axis), (0.02, near_axis)):
+    for spacing, kept in ((SPARSE, off_axis), (0.03, near_axis)):
         data = samples(mesh, spacing, kept)
         found = find_unresolved(*mesh, data)
         assert (found < 0).any() == (spacing == SPARSE)
         assert not (found > 0).any()
         assert np.all(np.hypot(*data.points[found < 0, :2].T) < 0.5)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_bridge_longer_than_neighborhoods_is_found_by_its_ends(sign):
+    """Each has −2π, half of what a handle has, and what is between them has none."""
+    reach = 0.3
+
+    def off(points):
+        return np.hypot(np.maximum(np.abs(points[:, 0]) - reach, 0), points[:, 1])
+
+    mesh = mesh_of(lambda x, y, z: dumbbell(np.maximum(np.abs(x) - reach, 0), y, z), sign)
+    data = samples(mesh, 0.1, lambda points: off(points) > 2 * TUNNEL)
+    found = find_unresolved(*mesh, data)
+    told = data.points[found < 0]
+    assert (told[:, 0] > 0).any()
+    assert (told[:, 0] < 0).any()
+    assert off(told).max() < 0.5
+    assert not (found > 0).any()
+    assert not find_unresolved(*mesh, samples(mesh, 0.02, lambda points: off(points) < 0.3)).any()
 
 
 def test_two_tips_that_face_each_other_are_a_break_and_one_is_not():
@@ -130,7 +149,7 @@ def test_the_job_tells_of_sheets_that_few_points_hold_apart():
     inner = rng.random(len(points)) < 0.45
     radius, facing = (np.where(inner, *pair)[:, np.newaxis] for pair in ((0.9, 1.0), (-1.0, 1.0)))
     cloud = OrientedCloud.of(radius * points, facing * points)
-    with pytest.warns(CloudWarning, match=r"the surface has a hole, a bridge or a break that fewer than 16 points"):
+    with pytest.warns(CloudWarning, match=r"the surface has a hole, a bridge or a break that too few points"):
         create_from_point_cloud_rbfpu(cloud)
     even = rng.normal(size=(3_000, 3))
     even /= np.linalg.norm(even, axis=1)[:, np.newaxis]

@@ -12,6 +12,7 @@ from o3dleaf import clean_mesh, extract_isosurface, mesh_report, simplify_mesh
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import build_mesh, drop_unused_vertices, mesh_arrays
 from o3dleaf.surface.mesh.topology import EdgeTable
+from o3dleaf.surface.repair import collapse
 from o3dleaf.surface.repair.meshlab import collapse_edges
 from tolerances import SIMPLIFIED_SPHERE
 
@@ -139,6 +140,30 @@ def test_simplifying_makes_no_triangles_cross_whatever_is_asked_for(turns):
         # A disk of a rim alone has two triangles fewer than edges.
         assert after.triangles <= max(asked, 3 * rim // 2)
     assert crossed > 0
+
+
+def test_what_makes_triangles_cross_is_locked_rings_away_from_them(monkeypatch):
+    """Collapses that make one triangle cross as long as one five rings away from it may still change."""
+    u, v, triangles = square(13)
+    mesh = np.column_stack([u, v, 0 * u]), triangles, np.zeros(len(triangles), dtype=np.int64)
+    middle = np.argmin(np.linalg.norm(mesh[0][triangles].mean(axis=1), axis=1))
+    far = np.zeros(len(triangles), dtype=bool)
+    far[middle] = True
+    for _ in range(5):
+        far = collapse._wider(mesh, far)
+    locked_last = []
+
+    def collapse_nothing(mesh, target, quality, locked):
+        locked_last[:] = [locked]
+        return mesh
+
+    def crossing(_):
+        return (np.arange(len(triangles)) == middle) & ~locked_last[0][far].all()
+
+    monkeypatch.setattr(collapse, "collapse_edges", collapse_nothing)
+    monkeypatch.setattr(collapse, "_crossing", crossing)
+    assert collapse._collapse_once(mesh, 10, 0.3) is mesh
+    assert not locked_last[0].all()
 
 
 def test_simplifying_leaves_locked_triangles_bit_for_bit():

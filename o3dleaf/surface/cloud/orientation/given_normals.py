@@ -12,7 +12,7 @@ from o3dleaf.core.even_sample import even_rows
 from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
 from o3dleaf.surface.cloud.normals import opposed_share, repair_normals
 from o3dleaf.surface.cloud.orientation.orientation import Orientation, orient_surfels
-from o3dleaf.surface.cloud.orientation.sides import OPEN, OPEN_NOTE
+from o3dleaf.surface.cloud.orientation.sides import OPEN
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import Surfels
 from o3dleaf.surface.cloud.winding.closed import imbalance
@@ -106,16 +106,17 @@ def check_normals(cloud: OrientedCloud, given: FloatArray, *, orient: bool) -> O
     found = repair_normals(points, unit, rows)
     repaired = _with_the_whole(points, surfels.spacing, unit, _with_groups(surfels, found.normals))
     if found.conflict > CONTRADICTED:
-        unit, more, _ = _oriented_anew(points, unit, surfels)
+        sided = _oriented_anew(points, unit, surfels)
     elif found.conflict and found.before > CONTRADICTED:
-        unit, more, _ = _beyond_repair(cloud, unit, repaired)
+        sided = _beyond_repair(cloud, unit, repaired)
     else:
-        unit, more, _ = _repaired(unit, repaired)
+        sided = _repaired(unit, repaired)
+    unit, more = sided.normals, sided.notes
     if _point_inward(surfels, unit):
         closed = imbalance(unit, surfels.spacing) < max(CLOSED, SURE / np.sqrt(len(points)))
         unit = -unit if closed else unit
         more += ("all normals pointed inward and were flipped" if closed else INWARD_NOTE,)
-    return Orientation(unit, notes + more)
+    return Orientation(unit, notes + more, is_open=sided.is_open)
 
 
 def _group_means(surfels: Surfels, unit: FloatArray) -> FloatArray:
@@ -212,7 +213,7 @@ def _oriented_anew(points: FloatArray, unit: FloatArray, surfels: Surfels) -> Or
     if _contradicted(number, slope) <= CONTRADICTED:
         return Orientation(unit, (SPLIT_NOTE if _are_split(points, surfels, unit) else KEPT_NOTE,))
     anew = _sides_anew(points, unit, surfels)
-    if anew.normals is unit or MAJORITY_NOTE in anew.notes:
+    if anew.normals is unit or anew.is_open:
         return anew
     before, after = (_error_of_sides(each) for each in (number, _winding(points, surfels.spacing, anew.normals)[0]))
     return anew if after <= BETTER * before else Orientation(unit, (KEPT_NOTE,))
@@ -234,7 +235,7 @@ def _beyond_repair(cloud: OrientedCloud, unit: FloatArray, repaired: FloatArray)
     anew = _sides_anew(points, unit, surfels)
     if anew.normals is unit:
         return _repaired(unit, repaired)
-    if MAJORITY_NOTE in anew.notes:
+    if anew.is_open:
         after, before = (opposed_share(points, each, rows) for each in (anew.normals, repaired))
     else:
         after, before = (
@@ -246,7 +247,7 @@ def _beyond_repair(cloud: OrientedCloud, unit: FloatArray, repaired: FloatArray)
 def _sides_anew(points: FloatArray, unit: FloatArray, surfels: Surfels) -> Orientation:
     """Return unit normals (n, 3) on the sides that the points have without them, or as they are, with the reason."""
     try:
-        outward, notes, cut = orient_surfels(points, surfels)
+        outward, notes, cut, is_open = orient_surfels(points, surfels)
     except OrientationError as problem:
         return Orientation(unit, (f"normals contradict one another and were kept as they are ({problem})",))
     if cut is not None:
@@ -257,11 +258,12 @@ def _sides_anew(points: FloatArray, unit: FloatArray, surfels: Surfels) -> Orien
         apart = float(np.mean(height[~turned]) - np.mean(height[turned]))
         if apart > SPLIT * float(np.std(height)):
             return Orientation(unit, (SPLIT_NOTE,))
-    if OPEN_NOTE in notes:
+    if is_open:
         turned ^= _mostly(turned, surfels)
-        notes = tuple(MAJORITY_NOTE if note == OPEN_NOTE else note for note in notes)
+        notes = (MAJORITY_NOTE, *notes)
     found = np.where(turned, -1.0, 1.0)[:, np.newaxis] * unit
-    return Orientation(found, (f"normals contradicted one another: {turned.sum()} of {len(unit)} were flipped", *notes))
+    said = f"normals contradicted one another: {turned.sum()} of {len(unit)} were flipped"
+    return Orientation(found, (said, *notes), is_open=is_open)
 
 
 def _mostly(turned: npt.NDArray[np.bool_], surfels: Surfels) -> npt.NDArray[np.bool_]:

@@ -16,14 +16,7 @@ from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_share
 from o3dleaf.surface.cloud.neighbors import nearest_neighbors
 from o3dleaf.surface.cloud.normals import on_seams
-from o3dleaf.surface.cloud.orientation.close_sheets import (
-    TWO_CLEAR_SHEETS,
-    TWO_SHEETS,
-    TWO_SHEETS_NOTE,
-    Middle,
-    middle_of,
-    split_sheets,
-)
+from o3dleaf.surface.cloud.orientation.close_sheets import Middle, middle_of, split_sheets
 from o3dleaf.surface.cloud.orientation.sides import OPEN, OPEN_NOTE, Sides, find_sides
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import MIN_POINTS, Surfels
@@ -54,11 +47,14 @@ class Orientation(NamedTuple):
         What was decided or could not be, one sentence each.
     cut : (n,) ndarray of bool or None
         Points that are to be left out, for a sheet to have two sides: where it branches, or across a Moebius strip.
+    is_open : bool
+        True for an open sheet, of which either side may be outside.
     """
 
     normals: FloatArray
     notes: tuple[str, ...]
     cut: npt.NDArray[np.bool_] | None = None
+    is_open: bool = False
 
     def __repr__(self) -> str:
         return f"Orientation({len(self.normals):,} normals, notes {self.notes})"
@@ -117,15 +113,19 @@ def orient_normals(cloud: CloudLike, normals: npt.ArrayLike | None = None) -> Or
     given = known.normals if normals is None else as_points(normals, "normals", dim=3)
     if given is not None and len(given) != len(known):
         raise InputError(f"normals: {len(given)} for {len(known)} points; give one per point")
-    outward, notes, cut = orient_surfels(known.points, known.surfels)
+    found = orient_surfels(known.points, known.surfels)
+    if found.is_open:
+        found = found._replace(notes=(OPEN_NOTE, *found.notes))
     if given is None:
-        return Orientation(outward, notes, cut)
-    side = np.einsum("ij,ij->i", given, outward)
-    return Orientation(np.where(side < 0, -1.0, 1.0)[:, np.newaxis] * given, notes, cut)
+        return found
+    side = np.einsum("ij,ij->i", given, found.normals)
+    return found._replace(normals=np.where(side < 0, -1.0, 1.0)[:, np.newaxis] * given)
 
 
 def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     """Return outward normals at `points` (n, 3), those of the surfels blended, found on coarser ones if need be.
+
+    That a sheet is open is for the caller to tell.
 
     Raises
     ------
@@ -155,8 +155,8 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
             middle = middle_of(points, surfels, sides.normals)
     if sides.contradictory:
         return _orient_apart(points, *finest)
-    found = Orientation(*split_sheets(middle, _notes(surfels, sides)))
-    if TWO_SHEETS_NOTE in found.notes or sides.enclosed < OPEN:
+    found = _of_sheets(surfels, sides, middle)
+    if middle.is_of_two or found.is_open:
         return found
     normals, notes = settle_doubts(points, surfels, sides.normals, found.normals)
     return Orientation(normals, (*found.notes, *notes))
@@ -168,14 +168,13 @@ def _close_sheets(points: FloatArray, surfels: Surfels, sides: Sides, middle: Mi
     The wall of a vessel is such, though its middle encloses something, the hollow. What seems to enclose nothing is
     asked as a whole before it is coarsened: wires beside one another are no sheet, though at a distance they look it.
     """
-    if middle.excess < TWO_CLEAR_SHEETS and not sides.contradictory:
-        found = Orientation(*split_sheets(middle, _notes(surfels, sides)))
+    if middle.is_of_two and not sides.contradictory:
+        found = _of_sheets(surfels, sides, middle)
         if sides.enclosed < OPEN:
             return found
         return found._replace(normals=settle_sheets(points, surfels.spacing, found.normals))
     if sides.enclosed < OPEN:
-        thin = TWO_CLEAR_SHEETS <= middle.excess < TWO_SHEETS
-        anew = close_anew(points, surfels, sides.normals, middle.normals, thin=thin)
+        anew = close_anew(points, surfels, sides.normals, middle.normals, thin=middle.is_within_noise)
         return None if anew is None else Orientation(*anew)
     return None
 
@@ -198,11 +197,12 @@ def _orient_apart(points: FloatArray, surfels: Surfels, sides: Sides) -> Orienta
             surfels = Surfels.of(rest, nearest_neighbors(cKDTree(rest)).row)
             sides = find_sides(surfels)
         if not sides.contradictory:
+            found = _of_sheets(surfels, sides, middle_of(rest, surfels, sides.normals))
             normals = np.zeros_like(points)
-            normals[~cut], notes = split_sheets(middle_of(rest, surfels, sides.normals), _notes(surfels, sides))
-            normals[cut] = normals[~cut][cKDTree(rest).query(points[cut])[1]]
+            normals[~cut] = found.normals
+            normals[cut] = found.normals[cKDTree(rest).query(points[cut])[1]]
             note = CUT_NOTE.format(cut.sum(), tell_share(cut.mean()), tell_middle(points[cut], points))
-            return Orientation(normals, (*notes, note), cut)
+            return Orientation(normals, (*found.notes, note), cut, found.is_open)
     raise OrientationError(
         f"cloud: its normals contradict one another along lines throughout, as where sheets branch or touch, around "
         f"{tell_middle(points[cut], points)}; cut the cloud there, or give normals"
@@ -214,13 +214,13 @@ def _coarser(surfels: Surfels, points: FloatArray) -> Surfels | None:
         return surfels.coarser(points)
 
 
-def _notes(surfels: Surfels, sides: Sides) -> tuple[str, ...]:
-    notes = []
-    if sides.enclosed < OPEN:
-        notes.append(OPEN_NOTE)
+def _of_sheets(surfels: Surfels, sides: Sides, middle: Middle) -> Orientation:
+    """Return the normals (n, 3) of one sheet or of two, whose middle encloses something or nothing."""
+    normals, notes = split_sheets(middle)
     groups = len(surfels.group) / len(surfels.points)
     if groups > 1:
-        notes.append(
-            f"noise is too large to orient single points: groups of {groups:.0f} points were oriented together"
+        notes = (
+            f"noise is too large to orient single points: groups of {groups:.0f} points were oriented together",
+            *notes,
         )
-    return tuple(notes)
+    return Orientation(normals, notes, is_open=sides.enclosed < OPEN and not middle.is_of_two)

@@ -8,7 +8,14 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.neighbors import fit_planes, nearest_neighbors
 from o3dleaf.surface.cloud.surfels import Surfels, thinned
-from o3dleaf.surface.cloud.winding.consistency import QUIET, Consistent, make_consistent, tears, uncertain_notes
+from o3dleaf.surface.cloud.winding.consistency import (
+    QUIET,
+    WIDEST_OF_DOUBTS,
+    Consistent,
+    make_consistent,
+    tears,
+    uncertain_notes,
+)
 from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
 
 SAMPLE = 4096
@@ -70,10 +77,14 @@ def imbalance(normals: FloatArray, spacing: FloatArray) -> float:
 
 
 def _all_anew(points: FloatArray, normals: FloatArray, spacing: FloatArray) -> Consistent | None:
-    """Return normals with which points enclose something, all in doubt at first, or None where there are none."""
+    """Return normals with which points enclose something, all in doubt at first, or None where there are none.
+
+    What is still in doubt then is settled by narrower dipoles, as where most sides are known.
+    """
     across = np.sqrt(fit_planes(points, nearest_neighbors(cKDTree(points)).row).variance[:, 0])
-    everywhere = np.ones(len(points), bool)
-    found = make_consistent(points, normals, spacing, float(np.quantile(across, QUIET)), everywhere, rounds=ROUNDS)
+    noise, everywhere = float(np.quantile(across, QUIET)), np.ones(len(points), bool)
+    found = make_consistent(points, normals, spacing, noise, everywhere, rounds=ROUNDS)
+    found = make_consistent(points, found.normals, spacing, noise, found.uncertain, widest=WIDEST_OF_DOUBTS)
     tree = DipoleTree(points)
     wide = spacing[tree.order]
     flux = np.ascontiguousarray(found.normals[tree.order] * wide[:, np.newaxis] ** 2)
