@@ -8,7 +8,7 @@
 `sample_region`     what a planar sample covers
 `missing_area`      what the sample leaves out at the border of that
 `traced_border`     whether the border of that was set on the margin, as a mesh's vertices are
-`sample_metric`     the metric in which a sample of scan lines is even
+`sample_lines`      the lines of a sample, as laser line scanners leave them
 `sample_triangles`  its Delaunay triangles
 `sample_spacing`    how it is spaced, place by place
 `taper`             thickness that falls towards the margin

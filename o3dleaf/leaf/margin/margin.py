@@ -211,7 +211,7 @@ def _rings(region: SampleRegion, local: Spacing, noise: float) -> tuple[list[Flo
     cut = np.flatnonzero(region.missing)
     owner = _owners(rings, region.points[cut])
     filled = shapely.multipolygons(shapely.polygons(region.points[region.filled]))
-    sample = EdgeSample(local, noise, 0.0 if region.traced else region.randomness, filled)
+    sample = EdgeSample(local, noise, 0.0 if region.traced else region.randomness, filled, lines=region.lines)
 
     def area_of(number: int) -> shapely.Polygon:
         own = cut[owner == number]

@@ -10,8 +10,9 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.margin.sample_lines import SampleLines
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
-from o3dleaf.leaf.margin.sample_triangles import Triangulation, inner_points, longest_sides
+from o3dleaf.leaf.margin.sample_triangles import Triangulation, components_of, inner_points, longest_sides
 
 RANDOM = 35 / (2 * np.pi**2) - 1
 """Variance of the area of a random sample's Delaunay triangles, in squares of its mean (Rathie 1992); 0 in a
@@ -19,7 +20,12 @@ lattice."""
 
 
 def missing_area(
-    mesh: Triangulation, kept: BoolArray, spacing: FloatArray, randomness: float, longest: float
+    mesh: Triangulation,
+    kept: BoolArray,
+    spacing: FloatArray,
+    randomness: float,
+    longest: float,
+    lines: SampleLines | None = None,
 ) -> FloatArray:
     """Return for each point (n,) the area that the triangles kept leave out there.
 
@@ -34,12 +40,18 @@ def missing_area(
         How much of `_lost` is taken (`randomness`); the rest is that of a lattice.
     longest : float
         Triangles with longer sides, in spacings, are never covered.
+    lines : SampleLines, optional
+        Those that the sample lies on. Across them it is as even as they are; it is as random as its points are where
+        lines end.
     """
     missing = np.zeros(len(mesh.points))
+    share = np.full(len(mesh.points), randomness)
+    if lines is not None:
+        share *= _ended(mesh, kept, lines)
     if randomness > 0:
-        missing += randomness * spacing**2 * _lost(mesh, kept, spacing, longest)
-    if randomness < 1:
-        missing += (1 - randomness) * _left_out_by_lattice(mesh, kept, spacing)
+        missing += share * spacing**2 * _lost(mesh, kept, spacing, longest)
+    if share.min() < 1:
+        missing += (1 - share) * _left_out_by_lattice(mesh, kept, spacing, lines)
     return missing
 
 
@@ -66,7 +78,20 @@ def randomness(areas: FloatArray, corners: IntArray) -> float:
     return float(np.clip((np.average(areas**2, weights=corners) / mean**2 - 1) / RANDOM, 0.0, 1.0))
 
 
-def _left_out_by_lattice(mesh: Triangulation, kept: BoolArray, spacing: FloatArray) -> FloatArray:
+def _ended(mesh: Triangulation, kept: BoolArray, lines: SampleLines) -> FloatArray:
+    """Return for each point (n,) how far the border of the triangles kept is one that lines end at there; 1 inside."""
+    row, side = np.nonzero(~np.append(kept, False)[mesh.neighbors] & kept[:, None])
+    ends = np.stack([mesh.triangles[row, (side + turn) % 3] for turn in (1, 2)], axis=1)
+    sides = np.repeat(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]], 2, axis=0)
+    squares, count = (sides**2).sum(axis=1), len(mesh.points)
+    across = squares * lines.ended(mesh.points[ends.ravel()], sides)
+    across, whole = (np.bincount(ends.ravel(), each, count) for each in (across, squares))
+    return np.divide(across, whole, out=np.ones(count), where=whole > 0)
+
+
+def _left_out_by_lattice(
+    mesh: Triangulation, kept: BoolArray, spacing: FloatArray, lines: SampleLines | None
+) -> FloatArray:
     """Return for each point (n,) the area that the border of a lattice leaves out.
 
     n points of which b lie on the border of one piece have 2 n − b − 2 triangles (Euler), two to a cell; in a lattice
@@ -81,9 +106,40 @@ def _left_out_by_lattice(mesh: Triangulation, kept: BoolArray, spacing: FloatArr
     half = 0.5 * (spacing[triangles] ** 2).mean(axis=1)
     small = np.where(at_border, np.maximum(half - mesh.areas[kept], 0.0), 0.0)
     weight = border[triangles].astype(float)
+    if lines is not None:
+        of_line = _of_outer_lines(mesh, kept, lines)
+        small = np.where(of_line, half - mesh.areas[kept], small)
+        weight[~weight.any(axis=1)] = 1.0  # deeper layers have no corner at the border
     weight *= (small / np.maximum(weight.sum(axis=1), 1.0))[:, None]
     missing: FloatArray = np.where(border, 0.5 * spacing**2, 0.0)
     return missing + np.bincount(triangles.ravel(), weight.ravel(), len(mesh.points))
+
+
+def _of_outer_lines(mesh: Triangulation, kept: BoolArray, lines: SampleLines) -> BoolArray:
+    """Return which of the triangles kept (k,) have two corners on one line, and this at the border.
+
+    Triangles with all corners on one line lie in layers at both sides of it. What they are smaller than half a cell at
+    its inner side those are larger that reach from there to the next line; so all of both count.
+    """
+    triangles, neighbors = mesh.triangles[kept], mesh.neighbors[kept]
+    offsets = mesh.points[triangles] - mesh.points[triangles[:, :1]]
+    x, y = lines.along[triangles[:, 0]].T
+    across = x[:, None] * offsets[..., 1] - y[:, None] * offsets[..., 0]
+    limit = lines.apart[triangles].mean(axis=1) / 2
+    clear = lines.clear[triangles].all(axis=1)
+    flat = clear & (np.ptp(across, axis=1) < limit)
+    inside = np.append(kept, False)
+    place = np.append(np.cumsum(kept) - 1, -1)
+    labels = components_of(np.where(inside[neighbors], place[neighbors], -1), flat)
+    begin = flat & (~inside[neighbors]).any(axis=1)
+    reached = flat & np.isin(labels, labels[begin])
+    used, inner = inner_points(mesh, kept)
+    outer = used & ~inner
+    outer[triangles[reached]] = True
+    on_it = outer[triangles]
+    pair = on_it.sum(axis=1) == 2
+    width = np.ptp(np.where(on_it, across, across[np.arange(len(triangles)), on_it.argmax(axis=1)][:, None]), axis=1)
+    return np.asarray(reached | (clear & pair & (width < limit)))
 
 
 def _lost(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, longest: float) -> BoolArray:

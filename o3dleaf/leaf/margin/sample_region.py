@@ -4,13 +4,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.missing_area import missing_area, randomness
+from o3dleaf.leaf.margin.sample_lines import SampleLines, sample_lines
 from o3dleaf.leaf.margin.sample_spacing import (
     CRUDE_JUMP,
     JUMP,
@@ -24,7 +23,7 @@ from o3dleaf.leaf.margin.sample_spacing import (
     spacing_between,
     uneven_sizes,
 )
-from o3dleaf.leaf.margin.sample_triangles import Triangulation, inner_points, triangulate
+from o3dleaf.leaf.margin.sample_triangles import Triangulation, components_of, inner_points, triangulate
 from o3dleaf.leaf.margin.traced_border import Border, border_of
 
 USUAL = 0.9
@@ -85,6 +84,8 @@ class SampleRegion:
         The points in no triangle kept.
     void : float
         Width of the widest void that chance leaves in it.
+    lines : SampleLines or None
+        Those that it lies on.
     """
 
     points: FloatArray
@@ -98,6 +99,7 @@ class SampleRegion:
     widest: float
     left_out: IntArray
     void: float
+    lines: SampleLines | None
 
     @property
     def traced(self) -> bool:
@@ -120,23 +122,25 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         for _ in range(ROUNDS):
             found = _of_uneven(mesh, near, found)
     spacing, short, deep = found.spacing, found.short, found.deep
-    size = spacing_between(near, mesh.triangles, spacing, JUMP)
+    lines, size = sample_lines(points, spacing), spacing_between(near, mesh.triangles, spacing, JUMP)
     covered = _covered(mesh, spacing, size, short)
     kept, bridged, widest = _joined(mesh, covered, spacing, short)
     chance = _enclosed_by_chance(mesh, kept, size, short)
     covered, kept = covered | chance, kept | chance
     kept |= _slits(mesh, kept, fill_slits)
-    labels = _labels(mesh, kept)
+    labels = components_of(mesh.neighbors, kept)
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
     left_out = np.setdiff1d(np.arange(len(points)), mesh.triangles[kept])
     random = _randomness(mesh, kept, deep, spacing)
     border = border_of(mesh, kept, deep, spacing)
     missing = np.zeros(len(points))
     if border is None or not border.traced:
-        missing = missing_area(mesh, kept, spacing, random, LONG * short)
+        missing = missing_area(mesh, kept, spacing, random, LONG * short, lines)
     triangles, filled = mesh.triangles[kept], mesh.triangles[kept & ~covered]
     void = VOID * short * float(np.median(spacing))
-    return SampleRegion(points, triangles, filled, spacing, missing, random, border, bridged, widest, left_out, void)
+    return SampleRegion(
+        points, triangles, filled, spacing, missing, random, border, bridged, widest, left_out, void, lines
+    )
 
 
 class _Spaced(NamedTuple):
@@ -216,19 +220,6 @@ def _within(mesh: Triangulation, kept: BoolArray, deep: BoolArray) -> BoolArray:
     return within
 
 
-def _labels(mesh: Triangulation, chosen: BoolArray) -> IntArray:
-    """Return the edge-connected component of each chosen triangle, and −1 for the others."""
-    rows = np.flatnonzero(chosen)
-    place = np.full(len(chosen) + 1, -1)
-    place[rows] = np.arange(len(rows))
-    other = place[mesh.neighbors[rows]]
-    row, side = np.nonzero(other >= 0)
-    graph = coo_array((np.ones(len(row), dtype=bool), (row, other[row, side])), shape=(len(rows), len(rows)))
-    labels = np.full(len(chosen), -1, dtype=np.int64)
-    labels[rows] = connected_components(graph, directed=False)[1]
-    return labels
-
-
 def _covered(mesh: Triangulation, spacing: FloatArray, size: FloatArray, short: float) -> BoolArray:
     """Return the triangles that are covered: all with short sides, and the gaps that chance makes.
 
@@ -256,7 +247,7 @@ def _slits(mesh: Triangulation, kept: BoolArray, widest: float) -> BoolArray:
     rows = np.flatnonzero(slits)
     if not len(rows):
         return slits
-    labels = _labels(mesh, slits)[rows]
+    labels = components_of(mesh.neighbors, slits)[rows]
     corners, others = mesh.points[mesh.triangles[rows]], mesh.neighbors[rows]
     sides = np.linalg.norm(np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1), axis=2)
     bank = np.append(kept, False)[others]
@@ -275,7 +266,7 @@ def _widths(mesh: Triangulation) -> FloatArray:
 
 def _open(mesh: Triangulation, gaps: BoolArray) -> BoolArray:
     """Return those gaps that are open to the outside."""
-    labels = _labels(mesh, gaps)
+    labels = components_of(mesh.neighbors, gaps)
     outside = np.zeros(labels.max() + 2, dtype=bool)
     outside[labels[gaps & (mesh.neighbors < 0).any(axis=1)]] = True
     return gaps & outside[labels]
@@ -285,7 +276,7 @@ def _small(mesh: Triangulation, chosen: BoolArray, cells: FloatArray, most: floa
     """Return those of the chosen triangles whose component has no more cells than chance explains."""
     if not chosen.any():
         return chosen
-    labels = _labels(mesh, chosen)
+    labels = components_of(mesh.neighbors, chosen)
     sums = np.bincount(labels[chosen], cells[chosen])
     small: BoolArray = np.less_equal(sums[labels], most)
     return chosen & small
@@ -293,7 +284,7 @@ def _small(mesh: Triangulation, chosen: BoolArray, cells: FloatArray, most: floa
 
 def _joined(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int, float]:
     """Return the triangles with those that bridge pieces, how many pieces of `PIECE` points these join, and how far."""
-    labels = _labels(mesh, kept)
+    labels = components_of(mesh.neighbors, kept)
     piece = np.arange(len(mesh.points)) + labels.max() + 1  # a point alone is a piece by itself
     for corner in range(3):
         piece[mesh.triangles[kept, corner]] = labels[kept]
@@ -306,6 +297,6 @@ def _joined(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: fl
     bridge = ~kept & several & (reach <= limit)
     joined = kept | bridge
     pieces = np.flatnonzero(np.bincount(labels[kept]) >= PIECE)
-    after = _labels(mesh, joined)[kept & np.isin(labels, pieces)]
+    after = components_of(mesh.neighbors, joined)[kept & np.isin(labels, pieces)]
     bridged = len(pieces) - len(np.unique(after))
     return joined, bridged, float(mesh.reach[bridge & large[of].all(axis=1)].max(initial=0.0)) if bridged else 0.0

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
@@ -89,3 +91,16 @@ def inner_points(mesh: Triangulation, kept: BoolArray) -> tuple[BoolArray, BoolA
     for turn in (1, 2):  # the side at the hull is the one opposite to its corner
         inner[mesh.triangles[row, (side + turn) % 3]] = False
     return used, inner
+
+
+def components_of(neighbors: IntArray, chosen: BoolArray) -> IntArray:
+    """Return the edge-connected component (m,) of each chosen triangle by the `neighbors` of all, −1 for the others."""
+    rows = np.flatnonzero(chosen)
+    place = np.full(len(chosen) + 1, -1)
+    place[rows] = np.arange(len(rows))
+    other = place[neighbors[rows]]
+    row, side = np.nonzero(other >= 0)
+    graph = coo_array((np.ones(len(row), dtype=bool), (row, other[row, side])), shape=(len(rows), len(rows)))
+    labels = np.full(len(chosen), -1, dtype=np.int64)
+    labels[rows] = connected_components(graph, directed=False)[1]
+    return labels

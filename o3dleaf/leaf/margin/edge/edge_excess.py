@@ -100,7 +100,10 @@ def _curvature(frame: EdgeFrame, nodes: BoolArray) -> float:
 
 
 def with_edge_excess(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeSample:
-    """Return the sample with the excess that its edge shows; one too random for averages, or a lattice, as it is."""
-    if not REGULAR <= sample.randomness <= RANDOM:
+    """Return the sample with the excess that its edge shows; one too random for averages, a lattice or lines, as it is.
+
+    Along a margin the last line has more points than the strip beside it.
+    """
+    if not REGULAR <= sample.randomness <= RANDOM or sample.lines is not None:
         return sample
     return replace(sample, excess=edge_excess(curve, apexes, sample))

@@ -80,12 +80,12 @@ def fit_edge(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeF
     frame = edge_frame(curve, apexes, sample)
     seen, bandwidth = blurred(frame.noise, sample.excess), np.full(len(frame.curve), FIRST)
     moved = most_likely(frame, seen.blur, seen.information * bandwidth**6, np.zeros(len(frame.curve)))
-    curve = moved_along(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share)
+    curve = moved_along(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share(frame))
     # Distances are taken anew from where the curve has come to.
     frame = edge_frame(curve, curve[frame.apexes], sample)
     seen = blurred(frame.noise, sample.excess)
     moved, bandwidth = widened(frame, seen)
-    curve = moved_along(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share)
+    curve = moved_along(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share(frame))
     return EdgeFit(curve, frame.spacing, frame.observed, frame.apexes)
 
 
@@ -130,6 +130,6 @@ def most_likely(
     return moved
 
 
-def moved_along(frame: EdgeFrame, distance: FloatArray, share: float) -> FloatArray:
-    """Return the curve moved a share of the way, the distances (n,) in spacings."""
+def moved_along(frame: EdgeFrame, distance: FloatArray, share: FloatArray | float) -> FloatArray:
+    """Return the curve moved shares (n,) of the way, the distances (n,) in spacings."""
     return np.asarray(frame.curve + (share * distance * frame.spacing)[:, None] * frame.normals)

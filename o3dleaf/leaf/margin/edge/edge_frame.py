@@ -13,6 +13,7 @@ from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.edge.edge_score import blurred
 from o3dleaf.leaf.margin.edge.third_differences import SHIFTS, ThirdDifferences
 from o3dleaf.leaf.margin.margin_curve import MAX_NOISE, Spacing, resample
+from o3dleaf.leaf.margin.sample_lines import SampleLines
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
 NODE_STEP = 0.5
@@ -44,6 +45,8 @@ class EdgeSample:
         The gaps of the sample that were filled: where the edge runs over them, it stays.
     excess : float
         Points more than the density for each spacing of edge (`edge_excess`).
+    lines : SampleLines, optional
+        Those that the points lie on.
     """
 
     local: Spacing
@@ -51,11 +54,17 @@ class EdgeSample:
     randomness: float
     filled: shapely.Geometry
     excess: float = 0.0
+    lines: SampleLines | None = None
 
-    @property
-    def share(self) -> float:
-        """Share of the way to the curve of greatest likelihood that is gone: all of it for averages of voxels."""
-        return 1.0 if self.excess > 0 else self.randomness
+    def share(self, frame: "EdgeFrame") -> FloatArray:
+        """Return the share (n,) of the way to the curve of greatest likelihood that is gone.
+
+        All of it for averages of voxels; nothing along lines, of which the points are not independent.
+        """
+        whole = np.full(len(frame.curve), 1.0 if self.excess > 0 else self.randomness)
+        if self.lines is None:
+            return whole
+        return whole * self.lines.ended(frame.curve, frame.normals @ np.array([[0.0, 1.0], [-1.0, 0.0]]))
 
 
 class EdgeFrame(NamedTuple):

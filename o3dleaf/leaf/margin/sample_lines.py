@@ -1,0 +1,81 @@
+"""The lines of a planar sample, as laser line scanners leave them: their directions, place by place."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.trees import query
+from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray
+
+ALONG = 4
+"""Neighbors of a point that are all of its own line where lines are more than two steps apart: two to either side."""
+MIN_ORDER = 1 / 3
+"""Length of the mean of unit vectors of twice the neighbors' angles from which on they are of a line, between 0 of none
+and 1: in the median over a leaf independent points have 0.1 by chance."""
+LENGTH = 4.0
+"""Spacings over which a margin is smoothed and its points are counted (`COUNT_WIDTH`)."""
+
+
+@dataclass(frozen=True)
+class SampleLines:
+    """The lines of a planar sample.
+
+    Attributes
+    ----------
+    tree : cKDTree
+        Of the points (n, 2).
+    along : (n, 2) ndarray
+        Unit vectors along the lines.
+    apart : (n,) ndarray
+        Distance of the lines.
+    spacing : (n,) ndarray
+        Square root of the area that a point stands for.
+    astray : (n,) ndarray
+        Standard deviation of the directions, an angle.
+    clear : (n,) bool ndarray
+        Whether there are lines at that place.
+    """
+
+    tree: cKDTree
+    along: FloatArray
+    apart: FloatArray
+    spacing: FloatArray
+    astray: FloatArray
+    clear: BoolArray
+
+    def ended(self, places: FloatArray, sides: FloatArray) -> FloatArray:
+        """Return how far (k,) pieces (k, 2) of a margin at places (k, 2) are one that lines end at.
+
+        0 along lines; 1 where so many end that one does within `LENGTH`, and where there are no lines.
+        """
+        near = query(self.tree, places, k=[1])[1][:, 0]
+        x, y = self.along[near].T
+        sine = np.abs(x * sides[:, 1] - y * sides[:, 0]) / np.maximum(np.hypot(*sides.T), 1e-300)
+        ends = LENGTH * self.spacing[near] * sine / self.apart[near]
+        return np.where(self.clear[near], np.minimum(ends**2, 1.0), 1.0)
+
+
+def sample_lines(points: FloatArray, spacing: FloatArray) -> SampleLines | None:
+    """Return the lines of (n, 2) distinct points of some `spacing` (n,); None if they are no sample of lines.
+
+    The direction at a point is the mean of those to the `ALONG` nearest neighbors of each of the points around it, as
+    axes, of twice the angle. Of independent points on a line, and of even ones, the fourth neighbor is two steps away.
+    """
+    if len(points) <= NEIGHBORS:
+        return None
+    tree = cKDTree(points)
+    around = query(tree, points, k=NEIGHBORS)[1]
+    way = points[around[:, 1 : ALONG + 1]] - points[:, None]
+    axis = (way[..., 0] + 1j * way[..., 1]) ** 2
+    mean = (axis / np.abs(axis)).mean(axis=1)[around].mean(axis=1)
+    order = np.abs(mean)
+    if np.median(order) < MIN_ORDER:
+        return None
+    turn = np.angle(mean) / 2
+    along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    step = np.abs((way[:, -1] * along).sum(axis=1))[around].mean(axis=1) / (ALONG / 2)
+    # Of normal angles with deviation σ the mean axis has the length exp(−2 σ²); lines have one pair for two neighbors.
+    astray = np.sqrt(-np.log(np.minimum(order, 1.0)) / 2 / (NEIGHBORS * ALONG / 2))
+    return SampleLines(tree, along, spacing**2 / step, spacing, astray, order >= MIN_ORDER)

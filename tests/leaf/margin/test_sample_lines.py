@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+import shapely
+
+import planar_leaves as leaves
+from o3dleaf.leaf.margin.edge.lines_variance import lines_variance
+from o3dleaf.leaf.margin.margin import Margin
+from o3dleaf.leaf.margin.sample_lines import sample_lines
+from tolerances import LINES_APART, LINES_AREA, LINES_DEVIATION
+
+RADIUS = 40.0
+
+
+def bent(points):
+    """Places (x, y) as (x/R, R + y) around a center: lines along x turn."""
+    turn, radius = points[:, 0] / RADIUS, RADIUS + points[:, 1]
+    return np.stack([radius * np.sin(turn), radius * np.cos(turn)], axis=1)
+
+
+def spaced(points, spacing):
+    return sample_lines(points, np.full(len(points), spacing))
+
+
+@pytest.mark.parametrize("ratio", [3, 6])
+@pytest.mark.parametrize("angle", [0.0, 0.6])
+def test_lines_have_their_direction_and_distance(ratio, angle):
+    lines = spaced(leaves.lines(leaves.ellipse(), 1.3, ratio, angle, np.random.default_rng(0)), 1.3)
+    assert lines.clear.all()
+    assert np.median(np.abs(lines.along @ [np.cos(angle), np.sin(angle)])) == pytest.approx(1, abs=1e-2)
+    assert np.median(lines.apart) == pytest.approx(1.3 * np.sqrt(ratio), rel=LINES_APART)
+
+
+@pytest.mark.parametrize("sampler", [leaves.uniform, leaves.jittered, leaves.lattice, leaves.graded])
+@pytest.mark.parametrize("leaf", [leaves.ellipse(), leaves.strip(20)], ids=["ellipse", "strip"])
+def test_even_and_independent_points_have_no_lines(sampler, leaf):
+    for seed in range(5):
+        assert spaced(sampler(leaf, 300, np.random.default_rng(seed)), 1.0) is None
+
+
+@pytest.mark.parametrize("ratio", [4, 6])
+@pytest.mark.parametrize("noise", [0.0, 0.2])
+@pytest.mark.parametrize("bend", [lambda points: points, bent], ids=["straight", "bent"])
+def test_the_area_of_lines_is_that_of_their_cells(ratio, noise, bend):
+    """Along the margin, straight and bent: d times the step for each point (Pick), wherever the first line lies."""
+    spacing, rng = 0.6, np.random.default_rng(ratio)
+    points = leaves.lines(shapely.box(0, -4, 60, 4), spacing, ratio, 0.0, rng)
+    cells = spacing**2 * (np.ones(len(points)) if bend is not bent else 1 + points[:, 1] / RADIUS)
+    margin = Margin.fit(bend(points) + rng.normal(0, noise * spacing, points.shape), noise=noise * spacing)
+    assert margin.area == pytest.approx(cells.sum(), rel=LINES_AREA)
+
+
+def test_lines_that_turn_leave_the_sides_anywhere_within_their_distance():
+    strip, ratio = shapely.box(0, -6, 60, 6), 4
+    points = bent(leaves.lines(strip, 0.6, ratio, 0.0, np.random.default_rng(0)))
+    ring = bent(shapely.get_coordinates(strip.segmentize(0.2).exterior))
+    told = lines_variance(points, shapely.Polygon(ring))
+    sides = 60 * (1 + 6 / RADIUS), 60 * (1 - 6 / RADIUS)
+    assert told == pytest.approx(np.square(sides).sum() * 0.36 * ratio / 12, rel=LINES_DEVIATION)
