@@ -216,7 +216,7 @@ def _rings(region: SampleRegion, local: Spacing, noise: float) -> tuple[list[Flo
     def area_of(number: int) -> shapely.Polygon:
         own = cut[owner == number]
         places = shapely.get_coordinates(rings[number])[:-1]
-        curve, growth = margin_ring(places, region.points[own], region.missing[own], local, sample.noise)
+        curve, growth = margin_ring(places, region.points[own], region.missing[own], local, sample.noise, sample.lines)
         inside, band = polygon_of(curve), grown(curve, np.maximum(growth - fuse, 0.0))
         return largest(inside.difference(band) if number else inside.union(band))
 

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from scipy.special import erfc
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.leaf.margin.sample_lines import SampleLines
 
 STEP = 0.2
 """Step of a curve, in local spacings."""
@@ -20,6 +21,8 @@ CREASE_WIDTH = 0.5
 """The same for creases where growth has met itself."""
 MAX_NOISE = 0.75
 """Spacings of noise that growth is corrected for; more is taken for passes that disagree, which do not blur an edge."""
+MAX_GROWTH = 1.5
+"""How far the leaf goes on at most, in spacings or distances of lines: three times what it does in a lattice."""
 EQUAL = 1 + 1e-6
 """Ratio of distances up to which they differ by roundings."""
 MAX_PIECES = 64
@@ -77,7 +80,12 @@ def smooth(values: FloatArray, width: float) -> FloatArray:
 
 
 def margin_ring(
-    ring: FloatArray, beside: FloatArray, missing: FloatArray, spacing: Spacing, noise: float = 0.0
+    ring: FloatArray,
+    beside: FloatArray,
+    missing: FloatArray,
+    spacing: Spacing,
+    noise: float = 0.0,
+    lines: SampleLines | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the smoothed ring (k, 2) and how far (k,) the leaf goes on beyond it, to its right.
 
@@ -92,6 +100,8 @@ def margin_ring(
     spacing : Spacing
     noise : float
         Deviation of the points in the plane; it counts up to `MAX_NOISE` spacings.
+    lines : SampleLines, optional
+        Those that the points lie on: the leaf goes on half their distance in the mean.
     """
     places, local, taken = resample(ring, spacing)
     curve = smooth(places, WIDTH / STEP)
@@ -106,7 +116,8 @@ def margin_ring(
     sides = np.hypot(*(np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)).T) / 2
     run = gaussian_filter1d(sides, COUNT_WIDTH / STEP, mode="wrap")
     growth = without_noise(points / np.maximum(run, 1e-3 * local), np.minimum(noise, MAX_NOISE * local))
-    return curve, np.clip(growth, 0, 1.5 * local)
+    apart = local if lines is None else np.maximum(local, lines.apart_at(curve))
+    return curve, np.clip(growth, 0, MAX_GROWTH * apart)
 
 
 def without_noise(growth: FloatArray, noise: FloatArray) -> FloatArray:

@@ -45,6 +45,11 @@ class SampleLines:
     astray: FloatArray
     clear: BoolArray
 
+    def apart_at(self, places: FloatArray) -> FloatArray:
+        """Return the distance (k,) of the lines at places (k, 2); 0 where there are none."""
+        near = query(self.tree, places, k=[1])[1][:, 0]
+        return np.where(self.clear[near], self.apart[near], 0.0)
+
     def ended(self, places: FloatArray, sides: FloatArray) -> FloatArray:
         """Return how far (k,) pieces (k, 2) of a margin at places (k, 2) are one that lines end at.
 
