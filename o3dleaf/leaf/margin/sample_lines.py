@@ -9,11 +9,12 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray
 
-ALONG = 4
-"""Neighbors of a point that are all of its own line where lines are more than two steps apart: two to either side."""
+ALONG = (4, 8, 16)
+"""Neighbors of a point that may all be of its own line: half of them to either side, where lines are farther apart than
+that. More of them show lines through more noise."""
 MIN_ORDER = 1 / 3
 """Length of the mean of unit vectors of twice the neighbors' angles from which on they are of a line, between 0 of none
-and 1: in the median over a leaf independent points have 0.1 by chance."""
+and 1: in the median over a leaf independent points have 0.1 by chance, and 0.3 on a strip three spacings wide."""
 LENGTH = 4.0
 """Spacings over which a margin is smoothed and its points are counted (`COUNT_WIDTH`)."""
 
@@ -65,22 +66,24 @@ class SampleLines:
 def sample_lines(points: FloatArray, spacing: FloatArray) -> SampleLines | None:
     """Return the lines of (n, 2) distinct points of some `spacing` (n,); None if they are no sample of lines.
 
-    The direction at a point is the mean of those to the `ALONG` nearest neighbors of each of the points around it, as
-    axes, of twice the angle. Of independent points on a line, and of even ones, the fourth neighbor is two steps away.
+    The direction at a point is the mean of those to the nearest neighbors of each of the points around it, as axes, of
+    twice the angle. Of k neighbors on a line the last is k/2 steps away. Of `ALONG` those are taken that agree best.
     """
     if len(points) <= NEIGHBORS:
         return None
     tree = cKDTree(points)
     around = query(tree, points, k=NEIGHBORS)[1]
-    way = points[around[:, 1 : ALONG + 1]] - points[:, None]
+    way = points[around[:, 1 : max(ALONG) + 1]] - points[:, None]
     axis = (way[..., 0] + 1j * way[..., 1]) ** 2
-    mean = (axis / np.abs(axis)).mean(axis=1)[around].mean(axis=1)
-    order = np.abs(mean)
+    axis /= np.abs(axis)
+    means = [axis[:, :count].mean(axis=1)[around].mean(axis=1) for count in ALONG]
+    best = int(np.argmax([np.median(np.abs(mean)) for mean in means]))
+    mean, count, order = means[best], ALONG[best], np.abs(means[best])
     if np.median(order) < MIN_ORDER:
         return None
     turn = np.angle(mean) / 2
     along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    step = np.abs((way[:, -1] * along).sum(axis=1))[around].mean(axis=1) / (ALONG / 2)
+    step = np.abs((way[:, count - 1] * along).sum(axis=1))[around].mean(axis=1) / (count / 2)
     # Of normal angles with deviation σ the mean axis has the length exp(−2 σ²); lines have one pair for two neighbors.
-    astray = np.sqrt(-np.log(np.minimum(order, 1.0)) / 2 / (NEIGHBORS * ALONG / 2))
+    astray = np.sqrt(-np.log(np.minimum(order, 1.0)) / 2 / (NEIGHBORS * count / 2))
     return SampleLines(tree, along, spacing**2 / step, spacing, astray, order >= MIN_ORDER)

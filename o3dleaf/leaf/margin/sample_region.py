@@ -75,7 +75,7 @@ class SampleRegion:
     randomness : float
         From 0, a lattice, to 1, independent points.
     border : Border or None
-        How the border runs: a mesh's vertices trace the margin.
+        How the border runs: a mesh's vertices trace the margin. None of a sample of lines.
     bridged : int
         Number of pieces that were joined over gaps wider than chance.
     widest : float
@@ -132,7 +132,8 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
     left_out = np.setdiff1d(np.arange(len(points)), mesh.triangles[kept])
     random = _randomness(mesh, kept, deep, spacing)
-    border = border_of(mesh, kept, deep, spacing)
+    # A line along the margin is as smooth as one that was set on it.
+    border = border_of(mesh, kept, deep, spacing) if lines is None else None
     missing = np.zeros(len(points))
     if border is None or not border.traced:
         missing = missing_area(mesh, kept, spacing, random, LONG * short, lines)

@@ -49,6 +49,26 @@ def test_the_area_of_lines_is_that_of_their_cells(ratio, noise, bend):
     assert margin.area == pytest.approx(cells.sum(), rel=LINES_AREA)
 
 
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("ratio", [4, 8])
+def test_a_smooth_line_along_the_margin_is_none_that_was_set_on_it(ratio, seed):
+    """As vertices along the rim of a mesh are, beside others less smooth; the leaf goes on beyond it."""
+    rng = np.random.default_rng(seed)
+    points = leaves.lines(shapely.box(0, -2.5, 60, 2.5), 0.5, ratio, 0.0, rng)
+    inner = np.abs(points[:, 1]) < np.abs(points[:, 1]).max() - 0.3 * np.sqrt(ratio)
+    points[inner] += rng.normal(0, 0.1, (inner.sum(), 2))
+    assert Margin.fit(points).area == pytest.approx(len(points) * 0.25, rel=LINES_AREA)
+
+
+def test_noise_does_not_hide_lines_of_many_points():
+    """Four neighbors of noise lie in any direction, and sixteen along the line."""
+    strip = shapely.box(0, -15, 60, 15)
+    points = leaves.lines(strip, 1.0, 16, 0.3, np.random.default_rng(0))
+    lines = spaced(points + np.random.default_rng(1).normal(0, 0.35, points.shape), 1.0)
+    assert np.median(np.abs(lines.along @ [np.cos(0.3), np.sin(0.3)])) == pytest.approx(1, abs=1e-2)
+    assert np.median(lines.apart) == pytest.approx(4.0, rel=LINES_APART)
+
+
 def test_lines_that_turn_leave_the_sides_anywhere_within_their_distance():
     strip, ratio = shapely.box(0, -6, 60, 6), 4
     points = bent(leaves.lines(strip, 0.6, ratio, 0.0, np.random.default_rng(0)))
