@@ -122,7 +122,10 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         for _ in range(ROUNDS):
             found = _of_uneven(mesh, near, found)
     spacing, short, deep = found.spacing, found.short, found.deep
-    lines, size = sample_lines(points, spacing), spacing_between(near, mesh.triangles, spacing, JUMP)
+    size = spacing_between(near, mesh.triangles, spacing, JUMP)
+    lines = sample_lines(points, spacing)
+    if lines is not None and 2 * np.count_nonzero(lines.clear & deep) <= np.count_nonzero(deep):
+        lines = None  # but for the vertices along a margin
     covered = _covered(mesh, spacing, size, short)
     kept, bridged, widest = _joined(mesh, covered, spacing, short)
     chance = _enclosed_by_chance(mesh, kept, size, short)

@@ -12,11 +12,12 @@ from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import triangle_areas
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.leaf.sheet.average import average_across, thin
+from o3dleaf.leaf.sheet.averaged_sheets import _thickness
 from o3dleaf.leaf.sheet.gluing import glue_sheets
 from o3dleaf.leaf.sheet.hole_loops import triangulate_hole
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, unit_normals
-from o3dleaf.leaf.sheet.sheet import OpenSheet, _thickness, find_sheet
+from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
 from o3dleaf.leaf.sheet.stars import triangulate
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, find_holes, label_fans, label_triangles

@@ -35,7 +35,7 @@ def lines_variance(points: FloatArray, polygon: shapely.Polygon) -> float:
     Matérn, B. (1989): Precision of area estimation: a numerical study. J. Microsc. 153, 269-284.
     """
     points = np.unique(points, axis=0)
-    lines = sample_lines(points, np.full(len(points), np.sqrt(polygon.area / len(points))))
+    lines = sample_lines(points, np.full(len(points), np.sqrt(polygon.area / max(len(points), 1))))
     if lines is None:
         return 0.0
     rings = [shapely.get_coordinates(ring) for ring in shapely.get_parts(shapely.get_rings(polygon))]
