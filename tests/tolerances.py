@@ -1397,6 +1397,8 @@ more are cut off."""
 
 LINES_APART = 0.1
 """Of the distance of lines: noise of a tenth of a step makes the way to the fourth neighbor longer."""
+LINES_ALONG = 0.01
+"""Of the cosine of the angle between lines and their direction that is found: eight degrees."""
 LINES_AREA = 0.03
 """Of an area within lines along its margin, of which ten are found: without what lies in layers along the outer ones
 it is 5 to 15 % too small."""

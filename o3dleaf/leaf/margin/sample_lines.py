@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray
 
@@ -46,17 +47,21 @@ class SampleLines:
     astray: FloatArray
     clear: BoolArray
 
+    def nearest(self, places: FloatArray) -> IntArray:
+        """Return the rows (k,) of the points nearest to places (k, 2)."""
+        return np.asarray(query(self.tree, places, k=[1])[1][:, 0])
+
     def apart_at(self, places: FloatArray) -> FloatArray:
         """Return the distance (k,) of the lines at places (k, 2); 0 where there are none."""
-        near = query(self.tree, places, k=[1])[1][:, 0]
+        near = self.nearest(places)
         return np.where(self.clear[near], self.apart[near], 0.0)
 
     def ended(self, places: FloatArray, sides: FloatArray) -> FloatArray:
-        """Return how far (k,) pieces (k, 2) of a margin at places (k, 2) are one that lines end at.
+        """Return how far (k,) lines end at sides (k, 2) of a margin, at places (k, 2), and do not run along them.
 
         0 along lines; 1 where so many end that one does within `LENGTH`, and where there are no lines.
         """
-        near = query(self.tree, places, k=[1])[1][:, 0]
+        near = self.nearest(places)
         x, y = self.along[near].T
         sine = np.abs(x * sides[:, 1] - y * sides[:, 0]) / np.maximum(np.hypot(*sides.T), 1e-300)
         ends = LENGTH * self.spacing[near] * sine / self.apart[near]

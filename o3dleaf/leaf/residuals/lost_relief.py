@@ -28,8 +28,8 @@ have pairs in directions 45° off and more up to about the longest lag: two sect
 BEYOND_CHANCE = 3.0
 """Deviations by which an area must be missing: of smooth leaves one in 740 seems to lack that by chance."""
 BEYOND_SHORT = 4.0
-"""Deviations by which it must be by one of `SHORT_LAGS`: with three lags and few pairs, of flat samples of 600 random
-points one in 400 seems to have relief."""
+"""Deviations by which it must be by one of `SHORT_LAGS`: there are three, and a deviation of few pairs is itself not
+known well."""
 MAX_LOST = 0.01
 """Share of the area above which it is told: to what a blade's area is asked to be right."""
 MOST = 1.5

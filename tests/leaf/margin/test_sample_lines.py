@@ -6,7 +6,7 @@ import planar_leaves as leaves
 from o3dleaf.leaf.margin.edge.lines_variance import lines_variance
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.margin.sample_lines import sample_lines
-from tolerances import LINES_APART, LINES_AREA, LINES_DEVIATION
+from tolerances import LINES_ALONG, LINES_APART, LINES_AREA, LINES_DEVIATION
 
 RADIUS = 40.0
 
@@ -26,7 +26,7 @@ def spaced(points, spacing):
 def test_lines_have_their_direction_and_distance(ratio, angle):
     lines = spaced(leaves.lines(leaves.ellipse(), 1.3, ratio, angle, np.random.default_rng(0)), 1.3)
     assert lines.clear.all()
-    assert np.median(np.abs(lines.along @ [np.cos(angle), np.sin(angle)])) == pytest.approx(1, abs=1e-2)
+    assert np.median(np.abs(lines.along @ [np.cos(angle), np.sin(angle)])) == pytest.approx(1, abs=LINES_ALONG)
     assert np.median(lines.apart) == pytest.approx(1.3 * np.sqrt(ratio), rel=LINES_APART)
 
 
@@ -65,7 +65,7 @@ def test_noise_does_not_hide_lines_of_many_points():
     strip = shapely.box(0, -15, 60, 15)
     points = leaves.lines(strip, 1.0, 16, 0.3, np.random.default_rng(0))
     lines = spaced(points + np.random.default_rng(1).normal(0, 0.35, points.shape), 1.0)
-    assert np.median(np.abs(lines.along @ [np.cos(0.3), np.sin(0.3)])) == pytest.approx(1, abs=1e-2)
+    assert np.median(np.abs(lines.along @ [np.cos(0.3), np.sin(0.3)])) == pytest.approx(1, abs=LINES_ALONG)
     assert np.median(lines.apart) == pytest.approx(4.0, rel=LINES_APART)
 
 

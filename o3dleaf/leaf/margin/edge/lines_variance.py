@@ -4,7 +4,6 @@ import numpy as np
 import shapely
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.trees import query
 from o3dleaf.leaf.margin.sample_lines import SampleLines, sample_lines
 
 HARMONICS = 16
@@ -45,7 +44,7 @@ def lines_variance(points: FloatArray, polygon: shapely.Polygon) -> float:
 def _of_ring(ring: FloatArray, lines: SampleLines) -> float:
     """Return the variance by one ring."""
     side = np.diff(ring, axis=0)
-    near = query(lines.tree, (ring[1:] + ring[:-1]) / 2, k=[1])[1][:, 0]
+    near = lines.nearest((ring[1:] + ring[:-1]) / 2)
     x, y = lines.along[near].T
     turned = np.cumprod(np.where(x[1:] * x[:-1] + y[1:] * y[:-1] < 0, -1.0, 1.0))
     x, y = x * np.append(1.0, turned), y * np.append(1.0, turned)
