@@ -5,6 +5,7 @@
 `margin_curve`      rings smoothed without shrinking, and grown to where the leaf ends
 `margin_tips`       sharp tips restored
 `edge`              the curve of greatest likelihood of a random sample
+`gaps`              gaps among a sample's triangles: chance's and the leaf's
 `sample_region`     what a planar sample covers
 `missing_area`      what the sample leaves out at the border of that
 `traced_border`     whether the border of that was set on the margin, as a mesh's vertices are

@@ -24,7 +24,7 @@ def missing_area(
     kept: BoolArray,
     spacing: FloatArray,
     randomness: float,
-    longest: float,
+    longest: FloatArray,
     lines: SampleLines | None = None,
 ) -> FloatArray:
     """Return for each point (n,) the area that the triangles kept leave out there.
@@ -38,8 +38,8 @@ def missing_area(
         Square root of the area that a point stands for.
     randomness : float
         How much of `_lost` is taken (`randomness`); the rest is that of a lattice.
-    longest : float
-        Triangles with longer sides, in spacings, are never covered.
+    longest : (n,) ndarray
+        Triangles around a point with longer sides, in spacings, are never covered.
     lines : SampleLines, optional
         Those that the sample lies on. Across them it is as even as they are; it is as random as its points are where
         lines end.
@@ -142,7 +142,7 @@ def _of_outer_lines(mesh: Triangulation, kept: BoolArray, lines: SampleLines) ->
     return np.asarray(reached | (clear & pair & (width < limit)))
 
 
-def _lost(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, longest: float) -> BoolArray:
+def _lost(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, longest: FloatArray) -> BoolArray:
     """Return which points (n,) the others do not cover.
 
     If X are independent points of density ρ in a leaf, and C(X) is what they cover, ρ E|leaf ∖ C(X)| is the expected
@@ -157,7 +157,7 @@ def _lost(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, longest: fl
     used, inner = inner_points(mesh, kept)
     ends = used & ~inner
     apart = np.flatnonzero(~used)
-    ends[apart[cKDTree(mesh.points[used]).query(mesh.points[apart])[0] <= longest * spacing[apart]]] = True
+    ends[apart[cKDTree(mesh.points[used]).query(mesh.points[apart])[0] <= longest[apart] * spacing[apart]]] = True
     lost = np.zeros(len(mesh.points), dtype=bool)
     for point, link in _links(mesh.triangles, ends):
         corners = _around(mesh.points[link], mesh.points[point])
@@ -166,7 +166,7 @@ def _lost(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, longest: fl
             continue
         a, b, c = mesh.points[link[corners]][:, None]
         reach = float(longest_sides((a, b, c), mesh.metric[[point]])[0])
-        lost[point] = reach > longest * spacing[link[corners]].mean()
+        lost[point] = reach > longest[point] * spacing[link[corners]].mean()
     return lost
 
 

@@ -8,6 +8,8 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.margin.gaps.narrow_bays import narrow_bays
+from o3dleaf.leaf.margin.gaps.sample_gaps import CHANCE, enclosed_by_chance, open_gaps, slits_of, small_gaps
 from o3dleaf.leaf.margin.missing_area import missing_area, randomness
 from o3dleaf.leaf.margin.sample_lines import SampleLines, sample_lines
 from o3dleaf.leaf.margin.sample_spacing import (
@@ -35,19 +37,12 @@ FIRST_SHORT = 2.8
 LONG = 1.7
 """Gaps with sides longer than this many short ones stay open where they are open to the outside: 4.8 spacings of a
 random sample, the widest that 100,000 points have by chance."""
-CHANCE = 2.4
-"""A gap of more than this many squares of the short side is one of the leaf: 24 cells of a random sample, the void of
-16 cells that 100,000 points have by chance (n e^(−A) have A cells) and the triangles around it."""
 VOID = 1.6
 """Width of the widest void that chance leaves, in short sides: a disc of those 16 cells."""
 DEEP = 2.0
 """Spacings from the border at which cells are those of the sample."""
 BRIDGE = 8.0
 """Pieces of a sample are joined over gaps of so many spacings; beyond that nothing says that they belong together."""
-FLAT = 1e-9
-"""Area of a triangle over the square of its longest side, at least: flatter ones are as wide as can be."""
-SLIT = 2.0
-"""Length of a gap's banks over that of its mouth, from which on it is a slit: a half disc, a bite, has 1.6."""
 NARROW = 2 / 3
 """Share of the points that are deep below which a leaf is so narrow, some fifteen spacings, that those nearest to a
 margin may be of the other side's density."""
@@ -127,10 +122,12 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     if lines is not None and 2 * np.count_nonzero(lines.clear & deep) <= np.count_nonzero(deep):
         lines = None  # one along the margin, of vertices that were set there
     covered = _covered(mesh, spacing, size, short)
+    bays = _bays(mesh, covered, size, short)
+    covered &= ~bays
     kept, bridged, widest = _joined(mesh, covered, spacing, short)
-    chance = _enclosed_by_chance(mesh, kept, size, short)
+    chance = enclosed_by_chance(mesh, kept, size, short)
     covered, kept = covered | chance, kept | chance
-    kept |= _slits(mesh, kept, fill_slits)
+    kept |= slits_of(mesh, kept, fill_slits)
     labels = components_of(mesh.neighbors, kept)
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
     left_out = np.setdiff1d(np.arange(len(points)), mesh.triangles[kept])
@@ -139,12 +136,19 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     border = border_of(mesh, kept, deep, spacing) if lines is None else None
     missing = np.zeros(len(points))
     if border is None or not border.traced:
-        missing = missing_area(mesh, kept, spacing, random, LONG * short, lines)
+        missing = missing_area(mesh, kept, spacing, random, _longest(mesh, bays & ~kept, short), lines)
     triangles, filled = mesh.triangles[kept], mesh.triangles[kept & ~covered]
     void = VOID * short * float(np.median(spacing))
     return SampleRegion(
         points, triangles, filled, spacing, missing, random, border, bridged, widest, left_out, void, lines
     )
+
+
+def _longest(mesh: Triangulation, bays: BoolArray, short: float) -> FloatArray:
+    """Return how long sides (n,) of triangles may be that are covered, in spacings: beside narrow bays no longer."""
+    longest = np.full(len(mesh.points), LONG * short)
+    longest[mesh.triangles[bays]] = short / SHORT
+    return longest
 
 
 class _Spaced(NamedTuple):
@@ -167,23 +171,38 @@ def _spaced(mesh: Triangulation, near: IntArray) -> _Spaced:
         kept, cells, deep = _cells(mesh, near, spacing, short, jump)
         spacing, jump = cell_sizes(mesh.points, cells, deep), JUMP
         short = _short(mesh, kept, deep, spacing)
+    for _ in range(ROUNDS):  # bays that were covered made cells too large
+        size = spacing_between(near, mesh.triangles, spacing, JUMP)
+        bays = _bays(mesh, _covered(mesh, spacing, size, short), size, short)
+        if not bays.any():
+            break
+        kept, cells, deep = _cells(mesh, near, spacing, short, JUMP, bays)
+        spacing = cell_sizes(mesh.points, cells, deep)
+        short = _short(mesh, kept, deep, spacing)
     return _Spaced(kept, cells, deep, spacing, short)
 
 
 def _of_uneven(mesh: Triangulation, near: IntArray, found: _Spaced) -> _Spaced:
     """Return how a sample is spaced, by all points, those at its border as what of them is not beyond it."""
     kept, cells, deep, spacing, short = found
-    missing = missing_area(mesh, kept, spacing, _randomness(mesh, kept, deep, spacing), LONG * short)
+    longest = np.full(len(spacing), LONG * short)
+    missing = missing_area(mesh, kept, spacing, _randomness(mesh, kept, deep, spacing), longest)
     spacing = uneven_sizes(mesh.points, cells, 1 - missing / spacing**2, spacing)
     short = _short(mesh, kept, deep, spacing)
     return _Spaced(*_cells(mesh, near, spacing, short, JUMP), spacing, short)
 
 
 def _cells(
-    mesh: Triangulation, near: IntArray, spacing: FloatArray, short: float, jump: float
+    mesh: Triangulation,
+    near: IntArray,
+    spacing: FloatArray,
+    short: float,
+    jump: float,
+    bays: BoolArray | None = None,
 ) -> tuple[BoolArray, FloatArray, BoolArray]:
     """Return the triangles (m,) that are covered, the cells (n,) that these make, and the points deep in them (n,)."""
     kept = _covered(mesh, spacing, spacing_between(near, mesh.triangles, spacing, jump), short)
+    kept = kept if bays is None else kept & ~bays
     return kept, cells_of(mesh.points, mesh.triangles[kept], mesh.areas[kept]), _deep(mesh, kept, spacing)
 
 
@@ -233,57 +252,33 @@ def _covered(mesh: Triangulation, spacing: FloatArray, size: FloatArray, short: 
     """
     gaps = mesh.reach / size > short
     own = spacing[mesh.triangles].mean(axis=1)
-    pockets = _open(mesh, gaps) & (mesh.reach / own <= LONG * short)
-    gaps &= ~_small(mesh, pockets, mesh.areas / own**2, CHANCE * short**2)
-    covered: BoolArray = ~gaps | _enclosed_by_chance(mesh, ~gaps, size, short)
+    pockets = open_gaps(mesh, gaps) & (mesh.reach / own <= LONG * short)
+    gaps &= ~small_gaps(mesh, pockets, mesh.areas / own**2, CHANCE * short**2)
+    covered: BoolArray = ~gaps | enclosed_by_chance(mesh, ~gaps, size, short)
     return covered
 
 
-def _enclosed_by_chance(mesh: Triangulation, kept: BoolArray, size: FloatArray, short: float) -> BoolArray:
-    """Return the gaps that the triangles kept enclose, where they are no larger than chance makes them."""
-    cells = mesh.areas / size**2
-    return _small(mesh, ~kept & ~_open(mesh, ~kept), cells, CHANCE * short**2)
+def _bays(mesh: Triangulation, covered: BoolArray, size: FloatArray, short: float) -> BoolArray:
+    """Return the triangles (m,) of narrow bays: what is as narrow inside a leaf is a scanner's as often."""
+    bays = narrow_bays(mesh, size, short / SHORT, short, LONG * short)
+    bays &= open_gaps(mesh, bays | ~covered)
+    return bays & ~_cuts(mesh, covered, bays)
 
 
-def _slits(mesh: Triangulation, kept: BoolArray, widest: float) -> BoolArray:
-    """Return the triangles of gaps that are open to the outside, no wider than asked, and slits rather than bays."""
-    slits = _open(mesh, ~kept) & (_widths(mesh) <= widest)
-    rows = np.flatnonzero(slits)
+def _cuts(mesh: Triangulation, covered: BoolArray, bays: BoolArray) -> BoolArray:
+    """Return those of the bays (m,) that have more than one piece of the leaf at their banks: they do not end in it."""
+    rows = np.flatnonzero(bays)
     if not len(rows):
-        return slits
-    labels = components_of(mesh.neighbors, slits)[rows]
-    corners, others = mesh.points[mesh.triangles[rows]], mesh.neighbors[rows]
-    sides = np.linalg.norm(np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1), axis=2)
-    bank = np.append(kept, False)[others]
-    mouth = ~bank & ~np.append(slits, False)[others]
-    banks, mouths = (np.bincount(labels, (sides * each).sum(axis=1)) for each in (bank, mouth))
-    slits[rows] = (banks >= SLIT * mouths)[labels]
-    return slits
-
-
-def _widths(mesh: Triangulation) -> FloatArray:
-    """Return the diameters abc/2A of the empty circumcircles: how wide the gap is that a Delaunay triangle lies in."""
-    corners = mesh.points[mesh.triangles]
-    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    return np.asarray(sides.prod(axis=1) / np.maximum(2 * mesh.areas, FLAT * sides.max(axis=1) ** 2))
-
-
-def _open(mesh: Triangulation, gaps: BoolArray) -> BoolArray:
-    """Return those gaps that are open to the outside."""
-    labels = components_of(mesh.neighbors, gaps)
-    outside = np.zeros(labels.max() + 2, dtype=bool)
-    outside[labels[gaps & (mesh.neighbors < 0).any(axis=1)]] = True
-    return gaps & outside[labels]
-
-
-def _small(mesh: Triangulation, chosen: BoolArray, cells: FloatArray, most: float) -> BoolArray:
-    """Return those of the chosen triangles whose component has no more cells than chance explains."""
-    if not chosen.any():
-        return chosen
-    labels = components_of(mesh.neighbors, chosen)
-    sums = np.bincount(labels[chosen], cells[chosen])
-    small: BoolArray = np.less_equal(sums[labels], most)
-    return chosen & small
+        return bays
+    own = components_of(mesh.neighbors, bays)[rows]
+    pieces = components_of(mesh.neighbors, covered & ~bays)
+    large = np.bincount(pieces[pieces >= 0], minlength=1) >= PIECE
+    beside = np.append(pieces, -1)[mesh.neighbors[rows]]
+    row, side = np.nonzero((beside >= 0) & large[beside])
+    pairs = np.unique(np.stack([own[row], beside[row, side]], axis=1), axis=0)
+    cuts = np.zeros(len(bays), dtype=bool)
+    cuts[rows] = (np.bincount(pairs[:, 0], minlength=own.max() + 1) > 1)[own]
+    return cuts
 
 
 def _joined(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int, float]:

@@ -73,12 +73,22 @@ def _metric(points: FloatArray, triangles: IntArray) -> FloatArray:
 
 def longest_sides(corners: tuple[FloatArray, FloatArray, FloatArray], metric: FloatArray) -> FloatArray:
     """Return the longest side (m,) of triangles, three arrays (m, 2) of corners, in a metric (m, 3) for each."""
+    return np.asarray(np.sqrt(np.max(_squares_of_sides(corners, metric), axis=0)))
+
+
+def side_lengths(mesh: Triangulation) -> FloatArray:
+    """Return the sides (m, 3) of its triangles in their metric, each opposite to its corner."""
+    a, b, c = (mesh.points[mesh.triangles[:, corner]] for corner in range(3))
+    return np.sqrt(np.stack(_squares_of_sides((a, b, c), mesh.metric[mesh.triangles].mean(axis=1)), axis=1))
+
+
+def _squares_of_sides(corners: tuple[FloatArray, FloatArray, FloatArray], metric: FloatArray) -> list[FloatArray]:
+    """Return the squares of the sides opposite to the three corners (m, 2), in a metric (m, 3) for each."""
     a, b, c = corners
-    squares = [
+    return [
         metric[:, 0] * side[:, 0] ** 2 + 2 * metric[:, 1] * side[:, 0] * side[:, 1] + metric[:, 2] * side[:, 1] ** 2
-        for side in (b - a, c - b, a - c)
+        for side in (c - b, a - c, b - a)
     ]
-    return np.asarray(np.sqrt(np.max(squares, axis=0)))
 
 
 def inner_points(mesh: Triangulation, kept: BoolArray) -> tuple[BoolArray, BoolArray]:
