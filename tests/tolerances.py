@@ -1140,6 +1140,10 @@ FINGER_END = 4.0
 """From the middle of the square end of a finger 5 wide to its corner, 2.5, and two spacings; one that is not found
 is 20 and more off."""
 
+AREA_OF_CELLS = 0.35
+"""Relative, of points on lines up to 16 times as far apart as along them, by the distance of a few neighbors: .67 to
+1.32 were seen."""
+
 JUNCTION = 1.0
 """Spacings that the end of a petiole may be off: margins are asked to be right to one. Of 96 round
 petioles 95 end within it, with a deviation of 0.33."""
