@@ -97,6 +97,7 @@ def preprocess_point_cloud(
     sorting, finding, measuring, branching, siding, ending = progress.split(*SHARES)
     with sorting:
         usable = UsablePoints.of(points, weights_of(cloud, len(points)))
+        usable = usable.averaged(None if given is None else given[usable.rows])
     with finding:
         usable = usable.without(outliers, len(points))
     with measuring:
