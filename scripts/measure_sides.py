@@ -1,12 +1,16 @@
 """Clouds without normals, of thin parts under noise: at which scale they are a surface, and how many sides are right.
 
 python scripts/measure_sides.py [--points N] [--noise SHARE ...] [--seeds N] [--first SEED] [--wires] [--meshes]
+                                  [--rounded]
 
 Flatness is that of neighborhoods of sixteen points, and of twelve over it; balls and boxes that points fill are there
 to compare with. Noise is in shares of the diagonal; a side is right where a normal faces as the solid's does at the
 nearest place. With --wires, instead: three wires in a row, and one among six, by their radius, gaps and noise in
 spacings; right is the mean of all seeds, and the least. With --meshes, too, how many of their surfaces are not of as
-many pieces without handles as there are wires, and how many of these without a word.
+many pieces without handles as there are wires, and how many of these without a word. With --rounded, instead: solids
+whose coordinates along one axis, or a turned one, are rounded to steps, in spacings; right is the share of the normals,
+the error is the mean of the mesh's vertices in spacings of the cloud, beside its components, genus and rim edges, and
+how many lines say that coordinates are rounded.
 """
 
 import argparse
@@ -26,6 +30,8 @@ FILLED = ("ball", "box")
 WIRES = [(1.5, 1.0), (1.5, 2.0), (1.5, 3.0), (2.0, 1.0), (2.0, 2.0), (3.0, 1.0)]
 """Radius and gap."""
 WIRE_NOISE, WIRE_LENGTH = (0.0, 0.2, 0.4), 40.0
+ROUNDED, STEPS = ("Sphere", "Torus", "bumps", "Block", "Figure", "gap"), (0.0, 1.0, 1.5, 2.0, 2.5, 4.0)
+DIRECTIONS = {"z": np.array([0.0, 0.0, 1.0]), "turned": np.array([2.0, 3.0, 6.0]) / 7}
 TURN = np.arange(6) * np.pi / 3
 PLACES = {
     "row of three": np.array([[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]]),
@@ -42,7 +48,11 @@ def main():
     parser.add_argument("--wires", action="store_true", help="wires side by side instead")
     parser.add_argument("--first", type=int, default=0, help="seed of the wires' first cloud")
     parser.add_argument("--meshes", action="store_true", help="reconstruct the wires, too")
+    parser.add_argument("--rounded", action="store_true", help="coordinates rounded to steps instead")
     args = parser.parse_args()
+    if args.rounded:
+        measure_rounded(args.points, range(args.first, args.first + args.seeds))
+        return
     if args.wires:
         measure_wires(range(args.first, args.first + args.seeds), meshes=args.meshes)
         return
@@ -112,6 +122,40 @@ def faults_of_wires(points, count):
             return 1, 0
     wrong = (report.components, report.genus, report.boundary_edges) != (count, 0, 0)
     return int(wrong), int(wrong and not told)
+
+
+def measure_rounded(count, seeds):
+    """Print what comes of solids whose coordinates along a direction are rounded to steps."""
+    table = Table(title="Coordinates rounded to steps, in spacings")
+    for name in ("solid", "along", "step", "seed", "right", "parts, genus, rim", "error", "told"):
+        table.add_column(name)
+    for kind in ROUNDED:
+        solid = getattr(o3l.samples, kind)()
+        spacing = np.sqrt(solid.area / count)
+        for along, direction in DIRECTIONS.items():
+            for step in STEPS:
+                for seed in seeds:
+                    points, _ = solid.sample(count, seed)
+                    heights = points @ direction
+                    if step:
+                        rounded = np.round(heights / (step * spacing)) * step * spacing
+                        points = points + np.outer(rounded - heights, direction)
+                    table.add_row(kind, along, str(step), str(seed), *row_of_rounded(solid, points, spacing))
+    Console(width=100).print(table)
+
+
+def row_of_rounded(solid, points, spacing):
+    """Return in words the right sides, the mesh's shape and error, and whether steps were told."""
+    right = share_right(solid, points)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            mesh, _ = o3l.create_from_point_cloud_rbfpu(points, measure=None)
+        except O3DLeafError:
+            return right, "refused", "-", "-"
+    report, error = o3l.mesh_report(mesh), np.abs(solid.closest(np.asarray(mesh.vertices)).distance).mean()
+    shape = f"{report.components}, {report.genus}, {report.boundary_edges}"
+    return right, shape, f"{error / spacing:.3f}", str(sum("rounded" in str(each.message) for each in told))
 
 
 def filled(kind, count, seed):

@@ -114,6 +114,12 @@ def read_obj(file: Path) -> MeshData:
     return MeshData(points, triangles, labels, names, attributes=attributes)
 
 
+def holds_faces(file: Path) -> bool:
+    """Return whether an OBJ has a face, and not vertices alone."""
+    with file.open("rb") as stream:
+        return any(line.startswith(b"f ") for line in stream)
+
+
 def _colors(vertices: list[bytes], file: Path) -> dict[str, FloatArray]:
     """Return the colors behind the positions, shares of 1, if all vertices have some."""
     words = [line.split()[3:6] for line in vertices]

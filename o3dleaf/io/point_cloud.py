@@ -17,8 +17,9 @@ from o3dleaf.io.clouds.columns import Columns
 from o3dleaf.io.clouds.cut_off import require_whole_cloud
 from o3dleaf.io.clouds.pcd import read_pcd
 from o3dleaf.io.clouds.pts import read_pts
+from o3dleaf.io.obj import holds_faces
 from o3dleaf.io.ply_reader import PlyHeader, read_ply
-from o3dleaf.io.triangle_mesh import READERS, read_triangle_mesh
+from o3dleaf.io.triangle_mesh import READERS
 
 NAMED = {".xyz": "x y z", ".xyzn": "x y z nx ny nz", ".xyzrgb": "x y z r g b"}
 """Columns of texts whose suffix tells them."""
@@ -49,7 +50,8 @@ def read_point_cloud(
     Coordinates come as they stand in the file, in float64. Those of LAS (by convention) and E57 (by its standard) are
     in meters and stay so: say it where the unit is asked for. LAS and LAZ need ``pip install 'o3dleaf[las]'``, E57
     ``pip install 'o3dleaf[e57]'``. Colors come along, and normals of LAS; for intensities the cloud has no place.
-    NPY is an array (n, 3), or (n, 6) with normals. Of meshes, PLY, OBJ, STL and OFF, the points are the vertices.
+    NPY is an array (n, 3), or (n, 6) with normals. Of meshes, PLY, OBJ, STL and OFF, the points are the vertices, with
+    their colors, and normals where each has one.
 
     Parameters
     ----------
@@ -88,6 +90,8 @@ def read_point_cloud(
 def has_faces(path: str | PathLike[str]) -> bool:
     """Return whether a file of points is one of a mesh, of which `read_point_cloud` takes the vertices."""
     file = require_file(path)
+    if file.suffix.lower() == ".obj":
+        return holds_faces(file)
     if file.suffix.lower() != ".ply":
         return file.suffix.lower() in MESHES
     return any(each.name == "face" and each.count for each in PlyHeader.of(file).elements(file))
@@ -99,10 +103,8 @@ def _read(file: Path, suffix: str, columns: str | Sequence[str] | None) -> o3d.g
         return text.read_text(file, columns).to_open3d()
     if suffix in OTHERS:
         return OTHERS[suffix](file).to_open3d()
-    if suffix in MESHES:
-        return o3d.geometry.PointCloud(read_triangle_mesh(file).vertices)
-    if suffix == ".ply":
-        content = read_ply(file, faces=False)
+    if suffix in READERS:
+        content = read_ply(file, faces=False) if suffix == ".ply" else READERS[suffix](file)
         return Columns(content.vertices, content.normals, content.attributes.get("colors")).to_open3d()
     require_whole_cloud(file)
     return (read_pts(file) if suffix == ".pts" else text.read_columns(file, NAMED[suffix])).to_open3d()

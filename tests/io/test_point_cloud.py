@@ -6,6 +6,8 @@ from scipy.spatial import cKDTree
 import o3dleaf as o3l
 from o3dleaf import read_point_cloud
 from o3dleaf.io.clouds.counts import count_points
+from o3dleaf.io.geometry import read_geometry
+from o3dleaf.io.point_cloud import has_faces
 
 
 def cloud_of(points):
@@ -26,6 +28,17 @@ def test_the_points_of_a_mesh_are_its_vertices(tmp_path, suffix):
     points, truth = np.asarray(read_point_cloud(tmp_path / f"ball{suffix}").points), np.asarray(ball.vertices)
     assert len(points) == len(truth)
     assert cKDTree(truth).query(points)[0].max() < 1e-5
+
+
+@pytest.mark.parametrize("faces", ["", "f 1 2 3\n"])
+def test_an_obj_of_vertices_alone_is_a_cloud_with_colors(tmp_path, faces):
+    file = tmp_path / "scan.obj"
+    file.write_text("# vertices\nv 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\n" + faces)
+    cloud = read_point_cloud(file)
+    assert np.asarray(cloud.points).tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    assert np.asarray(cloud.colors).tolist() == np.eye(3).tolist()
+    assert has_faces(file) == bool(faces)
+    assert isinstance(read_geometry(file), o3d.geometry.TriangleMesh if faces else o3d.geometry.PointCloud)
 
 
 def test_a_ply_that_claims_more_than_it_holds_is_refused_before_it_is_read(tmp_path):

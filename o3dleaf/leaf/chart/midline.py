@@ -46,6 +46,9 @@ AT_REST = 0.003
 FROM_END = (0.75, 1.25)
 """Own lengths from the curve's ends between which a section comes to count: of the end's own outline it shows less and
 less. Were it all or nothing, the curve could go back and forth between two sets of sections."""
+ALONG = (np.cos(np.pi / 4), np.cos(np.pi / 8))
+"""Cosines of the angles to the curve between which the outline, where a section ends, comes to be a margin: from 45
+degrees on it runs more across than along."""
 WIDER = 1.25
 """Times the other end's that the width about a fifth of the length inside is at the base, or else the mean to the end;
 less is a tie, and the base is the lower end. Nearer to the ends the width is that of a cut, a bite or a tip."""
@@ -167,7 +170,7 @@ def _unknown_base(outline: Any, ways: Ways, area: FloatArray) -> FloatArray:
 
 
 def _settle(outline: Any, curve: FloatArray, *, fixed: bool) -> FloatArray:
-    """Return the curve at rest mid-way between the margins; its first end stays if `fixed`."""
+    """Return the curve at rest mid-way between the margins, to its ends; its first end stays if `fixed`."""
     count = _stations(outline, curve)
     curve = resample(curve, count)
     longest = LONGER * reached(curve)[-1]
@@ -180,7 +183,9 @@ def _settle(outline: Any, curve: FloatArray, *, fixed: bool) -> FloatArray:
         curve = moved
         if np.linalg.norm(moved - before, axis=1).max() <= AT_REST * outline.area / reached(curve)[-1]:
             break
-    return curve
+    # Once: a curve that followed these sections again would turn into the corner of an oblique cut, as into a tip.
+    moved = _recenter(outline, curve, fixed=fixed, to_ends=True)
+    return resample(moved, len(curve)) if shapely.LineString(moved).is_simple else curve
 
 
 def _stations(outline: Any, curve: FloatArray) -> int:
@@ -189,20 +194,22 @@ def _stations(outline: Any, curve: FloatArray) -> int:
     return int(np.clip(STATIONS_PER_WIDTH * length * length / outline.area, *STATIONS))
 
 
-def _recenter(outline: Any, curve: FloatArray, *, fixed: bool) -> FloatArray:
+def _recenter(outline: Any, curve: FloatArray, *, fixed: bool, to_ends: bool = False) -> FloatArray:
     """Return the curve through the middles of its sections, smoothed, and on to the outline at its ends.
 
     Sections nearer to an end than about their length show that end's own outline, not the margins; there the curve
-    goes on as it bends before.
+    goes on as it bends before. `to_ends` those count, too, that end on margins, as before a cut base or at a tip.
     """
     middles, widths = cut_across(outline, curve, normals_of(curve))
+    margins = _end_on_margins(outline, curve, middles, widths) if to_ends else 0.0
     at = reached(curve)
     # Half a width a round: from a first axis on the margin to the middle, and not into another lobe.
     move = middles - curve
     far = np.linalg.norm(move, axis=1) / (outline.area / at[-1] / 2)
     middles = curve + move / np.maximum(far, 1)[:, np.newaxis]
     left = np.minimum(at, at[-1] - at)
-    held = np.interp(left / np.maximum(widths, np.finfo(float).tiny), FROM_END, (0.0, 1.0)) * (widths > 0)
+    apart = left / np.maximum(widths, np.finfo(float).tiny)
+    held = np.maximum(np.interp(apart, FROM_END, (0.0, 1.0)), margins) * (widths > 0)
     if held.sum() < 8:
         held = (left >= 0.25 * at[-1]) & (widths > 0)
     if held.sum() < 3:
@@ -216,6 +223,20 @@ def _recenter(outline: Any, curve: FloatArray, *, fixed: bool) -> FloatArray:
     end = leave_along(outline, smooth[-2], smooth[-1] - smooth[-2])
     start = curve[0] if fixed else leave_along(outline, smooth[1], smooth[0] - smooth[1])
     return within(outline, np.concatenate([start[np.newaxis], smooth[1:-1], end[np.newaxis]]))
+
+
+def _end_on_margins(outline: Any, curve: FloatArray, middles: FloatArray, widths: FloatArray) -> FloatArray:
+    """Return how far (k,) sections end on two margins, that run along the curve a station before and behind; 1: all."""
+    ring, normals, step = outline.exterior, normals_of(curve), reached(curve)[-1] / (len(curve) - 1)
+    cosines = []
+    for side in (-0.5, 0.5):
+        at = shapely.line_locate_point(ring, shapely.points(middles + side * widths[:, np.newaxis] * normals))
+        ends = (shapely.line_interpolate_point(ring, (at + off) % ring.length) for off in (-step, step))
+        behind, before = map(shapely.get_coordinates, ends)
+        x, y = (before - behind).T
+        length = np.maximum(np.hypot(x, y), np.finfo(float).tiny)
+        cosines.append(np.abs(x * normals[:, 1] - y * normals[:, 0]) / length)
+    return np.interp(np.minimum(*cosines), ALONG, (0.0, 1.0))
 
 
 def _trust(outline: Any, widths: FloatArray, length: float) -> FloatArray:

@@ -12,6 +12,7 @@
 `crossing`        two leaves that cross
 `lobes`           leaves with deep lobes
 `seedling`        two blades on a sheath
+`cut_base`        flat leaves that were cut off, with their midribs
 `on_table`        a leaf and a table, and pressed leaves
 `scan_files`      their scans as files
 """

@@ -32,9 +32,12 @@ class Cells:
     shape: IndexArray
 
     @classmethod
-    def sort(cls, points: FloatArray, size: float) -> "Cells":
-        """Sort `points` (n, 3) into cells of edge `size`, or larger where their numbers would overflow."""
-        low = points.min(axis=0)
+    def sort(cls, points: FloatArray, size: float, *, shift: float = 0.0) -> "Cells":
+        """Sort `points` (n, 3) into cells of edge `size`, or larger where their numbers would overflow.
+
+        The cells begin at the points' lower corner, or so many cells below it.
+        """
+        low = points.min(axis=0) - shift * size
         extent = points.max(axis=0) - low
         while np.prod(extent / size + 1) > MAX_CELLS:
             size *= 2

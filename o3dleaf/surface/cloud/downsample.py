@@ -5,9 +5,11 @@ import numpy as np
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.surface.cloud.cells import Cells
+from o3dleaf.surface.cloud.neighbors import IndexArray
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 
 PER_NOISE = 1.8
@@ -42,15 +44,7 @@ def voxel_down_sample(cloud: CloudLike, voxel_size: Positive) -> OrientedCloud:
     whole = OrientedCloud.of(cloud)
     points, normals = whole.points, whole.require_normals()
     cells = Cells.sort(points, require_positive(voxel_size, "voxel_size"))
-    length = cells.last - cells.first
-    first = np.repeat(cells.order[cells.first], length)
-    away = np.einsum("ij,ij->i", normals[cells.order], normals[first]) < 0
-    group = np.empty(len(points), np.int64)
-    group[cells.order] = 2 * np.repeat(np.arange(len(length)), length) + away
-    _, start, group = np.unique(group, return_index=True, return_inverse=True)
-    rank = np.empty(len(start), np.int64)
-    rank[np.argsort(start)] = np.arange(len(start))
-    group = rank[group]
+    group, start = groups_of(cells, normals)
     weight = np.asarray(np.bincount(group, whole.weights, len(start)), dtype=np.float64)
     mean, direction = (
         np.column_stack([np.bincount(group, whole.weights * part[:, a], len(start)) for a in range(3)])
@@ -116,15 +110,28 @@ def thin(cloud: CloudLike, most: int) -> OrientedCloud:
     size = float(np.ptp(points, axis=0).max()) / most or 1.0
     while len((cells := Cells.sort(points, size)).first) > most:
         size *= max(np.sqrt(len(cells.first) / most), MIN_GROWTH)
-    count, length = len(cells.first), cells.last - cells.first
-    rank = np.empty(count, np.int64)
-    rank[np.argsort(cells.order[cells.first])] = np.arange(count)
-    group = np.empty(len(points), np.int64)
-    group[cells.order] = np.repeat(rank, length)
+    count, group = len(cells.first), groups_of(cells)[0]
     weight = np.asarray(np.bincount(group, whole.weights, count), dtype=np.float64)
     mean = np.column_stack([np.bincount(group, whole.weights * points[:, axis], count) for axis in range(3)])
     removed = whole.removed._replace(averaged=whole.removed.averaged + len(points) - count)
     return OrientedCloud(mean / weight[:, np.newaxis], None, weight, removed, whole.notes, whole.branchings)
+
+
+def groups_of(cells: Cells, normals: FloatArray | None = None) -> tuple[IndexArray, IndexArray]:
+    """Return the group (n,) of each point in cells, numbered by their first points, and the rows (g,) of these.
+
+    A cell is a group; of points with `normals` (n, 3) those that face away from the first one make another.
+    """
+    length = cells.last - cells.first
+    cell = np.empty(len(cells.order), np.int64)
+    cell[cells.order] = np.repeat(np.arange(len(length)), length)
+    if normals is not None:
+        first = cells.order[cells.first][cell]
+        cell = 2 * cell + (np.einsum("ij,ij->i", normals, normals[first]) < 0)
+    _, start, group = np.unique(cell, return_index=True, return_inverse=True)
+    rank = np.empty(len(start), np.int64)
+    rank[np.argsort(start)] = np.arange(len(start))
+    return rank[group], np.sort(start)
 
 
 def remove_tails(cloud: OrientedCloud) -> OrientedCloud:

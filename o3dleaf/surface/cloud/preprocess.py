@@ -48,7 +48,8 @@ def preprocess_point_cloud(
 ) -> OrientedCloud:
     """Return a cloud without non-finite points, duplicates and outliers, each with its outward normal.
 
-    Where three sheets meet, no three normals agree: the points there are left out too, and the lines known.
+    Where three sheets meet, no three normals agree: the points there are left out too, and the lines known. Where
+    coordinates are rounded to steps wider than points are apart, these are averaged in voxels of one step.
 
     Parameters
     ----------
@@ -97,6 +98,7 @@ def preprocess_point_cloud(
     sorting, finding, measuring, branching, siding, ending = progress.split(*SHARES)
     with sorting:
         usable = UsablePoints.of(points, weights_of(cloud, len(points)))
+        usable = usable.averaged(None if given is None else given[usable.rows])
     with finding:
         usable = usable.without(outliers, len(points))
     with measuring:

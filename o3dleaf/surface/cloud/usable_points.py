@@ -18,6 +18,7 @@ from o3dleaf.surface.cloud.branchings.branchings import Branchings
 from o3dleaf.surface.cloud.neighbors import IndexArray, Neighborhoods, fit_planes
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
 from o3dleaf.surface.cloud.outliers import detect_outliers
+from o3dleaf.surface.cloud.rounding import average_levels
 
 MIN_POINTS = 10
 """Fewer points do not determine a quadratic, let alone a surface."""
@@ -114,6 +115,14 @@ class UsablePoints(NamedTuple):
         require_enough(int(np.sum(~stray)), count)
         removed = self.cloud.removed._replace(outliers=int(stray.sum()))
         return UsablePoints(replace(self.cloud.take(~stray), removed=removed), self.rows[~stray], None)
+
+    def averaged(self, normals: FloatArray | None) -> "UsablePoints":
+        """Average what lies on levels wider apart than the points are; each mean stands in its first point's row."""
+        cloud, first = average_levels(self.cloud, normals)
+        if cloud is self.cloud:
+            return self
+        require_enough(len(first), len(self.rows))
+        return UsablePoints(cloud, self.rows[first], self.tree if len(first) == len(self.rows) else None)
 
     def apart(self, branchings: Branch | None, normals: FloatArray | None) -> "UsablePoints":
         """Leave out what lies near the lines along which sheets meet, by a step that finds them."""

@@ -7,6 +7,8 @@ from o3dleaf.leaf.chart.axis.ends import SLICES, slice_axis
 from o3dleaf.leaf.chart.axis.sections import resample, within
 from o3dleaf.leaf.chart.flattening.geodesics import Ways
 from o3dleaf.leaf.chart.midline import _recenter, find_midline
+from o3dleaf.samples.leaves.cut_base import drawn_cut_leaf
+from o3dleaf.samples.leaves.plane_mesh import triangulate
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, ellipse, lobed, rolled, sickle, triangulated
 
@@ -62,6 +64,16 @@ def test_the_midrib_is_midway_and_ends_in_the_middle_of_the_base_and_at_the_tip(
     assert max(first, last) < tol.MIDRIB_END * found.width
     steps = np.linalg.norm(np.diff(found.curve, axis=0), axis=1)
     assert np.ptp(steps) < 0.01 * steps.mean()
+
+
+def test_the_midrib_of_a_leaf_with_rough_margins_ends_in_the_middle_of_its_cut():
+    away = []
+    for number in range(8):
+        leaf = drawn_cut_leaf(number, 0.1)
+        flat, triangles = triangulate(leaf.outline, leaf.width / 12)
+        found = find_midline(np.insert(flat, 2, 0.0, axis=1), triangles, flat, base=np.append(leaf.midrib[0], 0.0))
+        away.append(np.linalg.norm(found.base - leaf.midrib[0]) / leaf.width)
+    assert np.median(away) < tol.CUT_MIDDLE
 
 
 def test_the_curve_through_the_middles_moves_no_farther_than_the_one_before():

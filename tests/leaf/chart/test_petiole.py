@@ -11,6 +11,7 @@ from o3dleaf.leaf.chart.stalk.lobes import COMMON
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
 from o3dleaf.leaf.chart.stalk.sections import Sections, sections_along
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from tests import planar_leaves
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, ellipse, lobed, rolled, stalked, triangulated
 
@@ -39,6 +40,15 @@ def test_sections_of_a_bar_are_as_wide_and_deep_as_the_bar(width, depth):
 def test_sections_of_a_single_point_are_no_width():
     sections = sections_along(np.ones((1, 3)), np.ones(1), np.zeros(1), 0.1)
     assert (sections.width == 0).all()
+
+
+@pytest.mark.parametrize("ratio", [1.0, 4.0, 16.0])
+def test_lines_of_a_scan_are_joined_and_stand_for_its_area(ratio):
+    leaf = planar_leaves.lobed()
+    points = planar_leaves.lines(leaf, 0.7, ratio, 0.3, np.random.default_rng(0))
+    ways = PointWays(np.insert(points, 2, 0.0, axis=1))
+    assert len(ways.rows) == len(points)
+    assert ways.cells.sum() == pytest.approx(leaf.area, rel=tol.AREA_OF_CELLS)
 
 
 @pytest.mark.parametrize("stub", [0.0, 8.0])

@@ -11,10 +11,14 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.trees import query
 
-NEIGHBORS = 16
-"""Points that each is joined to: rows of a scanner four times as far apart as their points still hang together."""
-CELL = 6
-"""Neighbor whose distance tells the area of a point's cell: π r²/6 has the right mean, whatever the pattern."""
+NEIGHBORS = (16, 32, 64)
+"""Points that each is joined to, itself among them: as few as join the cloud. Of 16 rows of a scanner still hang
+together that are four times as far apart as their points, of 32 rows sixteen times."""
+JOINED = 0.9
+"""Share of a cloud's points that are in one piece where it is joined: what else there is lies beside the leaf."""
+CELL = 3 / 8
+"""Of the neighbors, that whose distance tells the area of a point's cell: π r²/k has the right mean, whatever the
+pattern, but where the k nearest are all of one row."""
 MAX_ENDS = 6
 """Ends of a cloud that are looked at, the farthest first."""
 
@@ -32,18 +36,15 @@ class PointWays:
     """
 
     def __init__(self, points: FloatArray) -> None:
-        count = min(NEIGHBORS, len(points))
-        length, row = query(cKDTree(points), points, k=np.arange(1, count + 1))
-        # Two points in one place would be no link.
-        length = np.maximum(length, 1e-12 * max(float(length.max()), np.finfo(float).tiny))
-        own = np.repeat(np.arange(len(points)), count - 1)
-        shape = (len(points), len(points))
-        graph = scipy.sparse.coo_array((length[:, 1:].ravel(), (own, row[:, 1:].ravel())), shape=shape).tocsr()
-        graph = graph.maximum(graph.T)
-        label = connected_components(graph, directed=False)[1]
-        self.rows: IntArray = np.flatnonzero(label == np.argmax(np.bincount(label)))
+        for most in NEIGHBORS:
+            length, graph = _joined(points, min(most, len(points)))
+            label = connected_components(graph, directed=False)[1]
+            sizes = np.bincount(label)
+            if sizes.max() >= JOINED * len(points):
+                break
+        self.rows: IntArray = np.flatnonzero(label == np.argmax(sizes))
         self.points = points[self.rows]
-        nearest = min(CELL, count - 1)
+        nearest = max(1, round(CELL * (length.shape[1] - 1)))
         self.cells = np.pi * length[self.rows, nearest] ** 2 / nearest
         self._graph = graph[self.rows][:, self.rows]
 
@@ -72,3 +73,13 @@ class PointWays:
                 return
             yield end, float(free[end])
             shared = np.maximum(shared, (away[end] + away - self.from_point(end)) / 2)
+
+
+def _joined(points: FloatArray, count: int) -> tuple[FloatArray, scipy.sparse.csr_array]:
+    """Return the distances (n, count) of points to the nearest, themselves first, and the graph that joins these."""
+    length, row = query(cKDTree(points), points, k=np.arange(1, count + 1))
+    # Two points in one place would be no link.
+    length = np.maximum(length, 1e-12 * max(float(length.max()), np.finfo(float).tiny))
+    own = np.repeat(np.arange(len(points)), count - 1)
+    graph = scipy.sparse.coo_array((length[:, 1:].ravel(), (own, row[:, 1:].ravel())), shape=(len(points),) * 2).tocsr()
+    return length, graph.maximum(graph.T)
