@@ -116,13 +116,15 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     if found.deep.mean() < NARROW and is_uneven(points[found.deep], found.cells[found.deep]):
         for _ in range(ROUNDS):
             found = _of_uneven(mesh, near, found)
+    lines = sample_lines(points, found.spacing)
+    if lines is not None and 2 * np.count_nonzero(lines.clear & found.deep) <= np.count_nonzero(found.deep):
+        lines = None  # one along the margin, of vertices that were set there
+    if lines is None:  # between lines triangles are long everywhere
+        found = _beside_bays(mesh, near, found)
     spacing, short, deep = found.spacing, found.short, found.deep
     size = spacing_between(near, mesh.triangles, spacing, JUMP)
-    lines = sample_lines(points, spacing)
-    if lines is not None and 2 * np.count_nonzero(lines.clear & deep) <= np.count_nonzero(deep):
-        lines = None  # one along the margin, of vertices that were set there
     covered = _covered(mesh, spacing, size, short)
-    bays = _bays(mesh, covered, size, short)
+    bays = _bays(mesh, covered, size, found) if lines is None else np.zeros_like(covered)
     covered &= ~bays
     kept, bridged, widest = _joined(mesh, covered, spacing, short)
     chance = enclosed_by_chance(mesh, kept, size, short)
@@ -171,15 +173,20 @@ def _spaced(mesh: Triangulation, near: IntArray) -> _Spaced:
         kept, cells, deep = _cells(mesh, near, spacing, short, jump)
         spacing, jump = cell_sizes(mesh.points, cells, deep), JUMP
         short = _short(mesh, kept, deep, spacing)
-    for _ in range(ROUNDS):  # bays that were covered made cells too large
-        size = spacing_between(near, mesh.triangles, spacing, JUMP)
-        bays = _bays(mesh, _covered(mesh, spacing, size, short), size, short)
+    return _Spaced(kept, cells, deep, spacing, short)
+
+
+def _beside_bays(mesh: Triangulation, near: IntArray, found: _Spaced) -> _Spaced:
+    """Return how a sample is spaced without its narrow bays: where they were covered, cells were too large."""
+    for _ in range(ROUNDS):
+        size = spacing_between(near, mesh.triangles, found.spacing, JUMP)
+        bays = _bays(mesh, _covered(mesh, found.spacing, size, found.short), size, found)
         if not bays.any():
             break
-        kept, cells, deep = _cells(mesh, near, spacing, short, JUMP, bays)
+        kept, cells, deep = _cells(mesh, near, found.spacing, found.short, JUMP, bays)
         spacing = cell_sizes(mesh.points, cells, deep)
-        short = _short(mesh, kept, deep, spacing)
-    return _Spaced(kept, cells, deep, spacing, short)
+        found = _Spaced(kept, cells, deep, spacing, _short(mesh, kept, deep, spacing))
+    return found
 
 
 def _of_uneven(mesh: Triangulation, near: IntArray, found: _Spaced) -> _Spaced:
@@ -258,9 +265,14 @@ def _covered(mesh: Triangulation, spacing: FloatArray, size: FloatArray, short: 
     return covered
 
 
-def _bays(mesh: Triangulation, covered: BoolArray, size: FloatArray, short: float) -> BoolArray:
-    """Return the triangles (m,) of narrow bays: what is as narrow inside a leaf is a scanner's as often."""
-    bays = narrow_bays(mesh, size, short / SHORT, short, LONG * short)
+def _bays(mesh: Triangulation, covered: BoolArray, size: FloatArray, found: _Spaced) -> BoolArray:
+    """Return the triangles (m,) of narrow bays: what is as narrow inside a leaf is a scanner's as often.
+
+    At their banks there are deep points, whose spacing is known: a strip that is too narrow for any may be as sparse.
+    """
+    bays = narrow_bays(mesh, size, found.short / SHORT, found.short, LONG * found.short)
+    banks = cKDTree(mesh.points[found.deep]).query(mesh.points)[0] <= 2 * DEEP * found.spacing
+    bays &= banks[mesh.triangles].all(axis=1)
     bays &= open_gaps(mesh, bays | ~covered)
     return bays & ~_cuts(mesh, covered, bays)
 

@@ -39,7 +39,7 @@ def narrow_bays(mesh: Triangulation, size: FloatArray, usual: float, short: floa
     labels = components_of(np.where(sides > usual, mesh.neighbors, -1), large)
     if not large.any():
         return large
-    cells = np.bincount(labels[large], (mesh.areas / size**2)[large])
+    cells = np.asarray(np.bincount(labels[large], (mesh.areas / size**2)[large]), dtype=np.float64)
     return np.asarray(large & (cells > max(_largest_by_chance(cells), CHANCE * short**2))[labels])
 
 

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+import shapely
+
+import planar_leaves as leaves
+from o3dleaf.leaf.margin import sample_region
+from o3dleaf.leaf.margin.sample_region import cover_sample
+from tolerances import NARROW_BAYS
+
+
+def slitted(width):
+    """A strip 90 by 26 with six slits 12 deep, from either side by turns."""
+    sides = [(90 * (k + 1) / 7, 1 if k % 2 else -1) for k in range(6)]
+    slits = [shapely.box(x - width / 2, min(side, 14 * side), x + width / 2, max(side, 14 * side)) for x, side in sides]
+    return shapely.box(0, -13, 90, 13).difference(shapely.union_all(slits))
+
+
+def pinnate(gap):
+    """Twelve leaflets 8 by 18 along a rachis 6 wide."""
+    begins = 2 + (8 + gap) * np.arange(6)
+    leaflets = [shapely.box(x, -21, x + 8, 21) for x in begins]
+    return shapely.union_all([shapely.box(0, -3, begins[-1] + 10, 3), *leaflets])
+
+
+def area_of(region):
+    return shapely.area(shapely.polygons(region.points[region.triangles])).sum() + region.missing.sum()
+
+
+@pytest.mark.parametrize(
+    ("leaf", "sampler"),
+    [
+        (slitted(1.5), leaves.jittered),
+        (slitted(2.0), leaves.jittered),
+        (slitted(3.0), leaves.uniform),
+        (pinnate(3.0), leaves.jittered),
+        (pinnate(3.0), leaves.uniform),
+    ],
+)
+def test_bays_a_few_spacings_wide_are_not_covered(leaf, sampler):
+    """In spacings: a point for each unit of area."""
+    errors = [
+        area_of(cover_sample(sampler(leaf, round(leaf.area), np.random.default_rng(seed)))) / leaf.area - 1
+        for seed in range(2)
+    ]
+    assert abs(np.mean(errors)) < NARROW_BAYS
+
+
+@pytest.mark.parametrize("sampler", [leaves.uniform, leaves.jittered, leaves.scan_lines, leaves.graded])
+def test_leaves_without_bays_are_covered_as_if_none_were_looked_for(monkeypatch, sampler):
+    samples = [
+        sampler(leaf, 2000, np.random.default_rng(seed))
+        for seed, leaf in enumerate(3 * (leaves.ellipse(), leaves.strip(20)))
+    ]
+    found = [cover_sample(points) for points in samples]
+    monkeypatch.setattr(sample_region, "narrow_bays", lambda mesh, *_: np.zeros(len(mesh.triangles), dtype=bool))
+    for each, points in zip(found, samples, strict=True):
+        twin = cover_sample(points)
+        assert np.array_equal(each.triangles, twin.triangles)
+        assert np.array_equal(each.missing, twin.missing)
