@@ -236,7 +236,7 @@ def _end_on_margins(outline: Any, curve: FloatArray, middles: FloatArray, widths
         x, y = (before - behind).T
         length = np.maximum(np.hypot(x, y), np.finfo(float).tiny)
         cosines.append(np.abs(x * normals[:, 1] - y * normals[:, 0]) / length)
-    return np.interp(np.minimum(*cosines), ALONG, (0.0, 1.0))
+    return np.asarray(np.interp(np.minimum(*cosines), ALONG, (0.0, 1.0)))
 
 
 def _trust(outline: Any, widths: FloatArray, length: float) -> FloatArray:
