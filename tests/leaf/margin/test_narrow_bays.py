@@ -30,7 +30,6 @@ def area_of(region):
     ("leaf", "sampler"),
     [
         (slitted(1.5), leaves.jittered),
-        (slitted(2.0), leaves.jittered),
         (slitted(3.0), leaves.uniform),
         (pinnate(3.0), leaves.jittered),
         (pinnate(3.0), leaves.uniform),
