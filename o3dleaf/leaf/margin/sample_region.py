@@ -268,11 +268,12 @@ def _covered(mesh: Triangulation, spacing: FloatArray, size: FloatArray, short: 
 def _bays(mesh: Triangulation, covered: BoolArray, size: FloatArray, found: _Spaced) -> BoolArray:
     """Return the triangles (m,) of narrow bays: what is as narrow inside a leaf is a scanner's as often.
 
-    At their banks there are deep points, whose spacing is known: a strip that is too narrow for any may be as sparse.
+    All along their banks there are deep points, whose spacing is known: a strip too narrow for any may be as sparse.
     """
     bays = narrow_bays(mesh, size, found.short / SHORT, found.short, LONG * found.short)
-    banks = cKDTree(mesh.points[found.deep]).query(mesh.points)[0] <= 2 * DEEP * found.spacing
-    bays &= banks[mesh.triangles].all(axis=1)
+    known = cKDTree(mesh.points[found.deep]).query(mesh.points)[0] <= 2 * DEEP * found.spacing
+    labels = components_of(mesh.neighbors, bays)
+    bays &= ~np.isin(labels, labels[bays & ~known[mesh.triangles].all(axis=1)])
     bays &= open_gaps(mesh, bays | ~covered)
     return bays & ~_cuts(mesh, covered, bays)
 

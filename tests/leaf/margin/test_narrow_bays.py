@@ -44,15 +44,29 @@ def test_bays_a_few_spacings_wide_are_not_covered(leaf, sampler):
     assert abs(np.mean(errors)) < NARROW_BAYS
 
 
+def covered_twice(monkeypatch, samples):
+    """Yield what samples cover, and what they cover where no bays are looked for."""
+    found = [cover_sample(points) for points in samples]
+    monkeypatch.setattr(sample_region, "narrow_bays", lambda mesh, *_: np.zeros(len(mesh.triangles), dtype=bool))
+    yield from zip(found, map(cover_sample, samples), strict=True)
+
+
+@pytest.mark.parametrize(("width", "density", "seed"), [(3.0, 0.25, 1), (5.0, 0.4, 3)])
+def test_a_sparse_tail_without_deep_points_has_no_bays(monkeypatch, width, density, seed):
+    rng, side = np.random.default_rng(seed), width / 2
+    leaf = shapely.Polygon([(0, -8), (50, -8), (60, -side), (100, -side), (100, side), (60, side), (50, 8), (0, 8)])
+    points = leaves.jittered(leaf, round(leaf.area), rng)
+    points = points[(points[:, 0] < 55) | (rng.uniform(size=len(points)) < density)]
+    for found, twin in covered_twice(monkeypatch, [points]):
+        assert np.array_equal(found.triangles, twin.triangles)
+
+
 @pytest.mark.parametrize("sampler", [leaves.uniform, leaves.jittered, leaves.scan_lines, leaves.graded])
 def test_leaves_without_bays_are_covered_as_if_none_were_looked_for(monkeypatch, sampler):
     samples = [
         sampler(leaf, 2000, np.random.default_rng(seed))
         for seed, leaf in enumerate(3 * (leaves.ellipse(), leaves.strip(20)))
     ]
-    found = [cover_sample(points) for points in samples]
-    monkeypatch.setattr(sample_region, "narrow_bays", lambda mesh, *_: np.zeros(len(mesh.triangles), dtype=bool))
-    for each, points in zip(found, samples, strict=True):
-        twin = cover_sample(points)
-        assert np.array_equal(each.triangles, twin.triangles)
-        assert np.array_equal(each.missing, twin.missing)
+    for found, twin in covered_twice(monkeypatch, samples):
+        assert np.array_equal(found.triangles, twin.triangles)
+        assert np.array_equal(found.missing, twin.missing)
