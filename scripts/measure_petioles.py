@@ -1,10 +1,11 @@
 """Petioles of known size, seen whole or from one side, and narrow leaves without one: which are found and cut off.
 
-    python scripts/measure_petioles.py [--narrow] [--held-out] [NUMBER ...]
+    python scripts/measure_petioles.py [--narrow] [--strays SHARE] [--held-out] [NUMBER ...]
 
 Printed are how many petioles are cut off, with the shares of their points and of the blade's that are, and the sizes
 of those that are kept, in spacings and in widths, and whether they are told; with `--narrow` the narrow leaves that
-something is cut off of, or told.
+something is cut off of, or told. With `--strays`, as many points more lie anywhere in the box around each leaf, which
+is as deep as wide.
 """
 
 import argparse
@@ -58,6 +59,15 @@ def draw_narrow(number, *, held_out=False):
     return scan_leaf(leaf_shape(kind, **size), seed=number, spacing=spacing, noise=noise).points, f"{kind} {size}"
 
 
+def add_strays(points, share, number):
+    """Return points with that share of strays after them."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    depth = max(0.0, np.sort(high - low)[1] - (high - low)[2]) / 2
+    box = low - [0, 0, depth], high + [0, 0, depth]
+    strays = np.random.default_rng(number).uniform(*box, (round(share * len(points)), 3))
+    return np.concatenate([points, strays])
+
+
 def found_in(points):
     """Return which points are kept, the petiole or None, and a line on what may be one, as of a blade."""
     return find_petiole(points, OrientedCloud.of(points).noise)
@@ -79,13 +89,14 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("numbers", metavar="NUMBER", type=int, nargs="*")
     parser.add_argument("--narrow", action="store_true", help="narrow leaves without a petiole")
+    parser.add_argument("--strays", metavar="SHARE", type=float, default=0.0, help="of the points, that lie anywhere")
     parser.add_argument("--held-out", action="store_true", help="other leaves, to be run once, at the end")
     options = parser.parse_args()
     if options.narrow:
         count = lines = 0
         for number in options.numbers or range(96):
             points, name = draw_narrow(number, held_out=options.held_out)
-            _, petiole, told = found_in(points)
+            _, petiole, told = found_in(add_strays(points, options.strays, number))
             count += petiole is not None
             lines += len(told)
             if petiole is not None:
@@ -97,7 +108,8 @@ if __name__ == "__main__":
         shares, lines = [], 0
         for number in options.numbers or range(60):
             points, is_stalk, drawn = draw_petiole(number, held_out=options.held_out)
-            kept, petiole, told = found_in(points)
+            kept, petiole, told = found_in(add_strays(points, options.strays, number))
+            kept = kept[: len(points)]
             if petiole is None:
                 tell_kept(number, drawn, told)
                 lines += len(told)

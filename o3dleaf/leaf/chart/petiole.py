@@ -1,6 +1,7 @@
 """The petiole or stem stub of a leaf, found among its points by its cross-section, and where the blade begins."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -15,11 +16,15 @@ from o3dleaf.leaf.chart.stalk.lobes import is_one_of_several
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
 from o3dleaf.leaf.chart.stalk.sections import sections_along
 from o3dleaf.leaf.chart.stalk.stretches import StalkStretch, find_stretch
+from o3dleaf.surface.cloud.outliers import detect_outliers
+from o3dleaf.surface.cloud.usable_points import usable_rows
 
 MAX_POINTS = 20_000
 """Points among which a petiole is looked for, at most; the junction is found among all."""
 FEWEST = 24
 """Points of a leaf at least, as of a sheet."""
+OUTLIERS = partial(detect_outliers, max_ratio=np.inf)
+"""Points that lie apart; those of a leaf's tip are sparser than their neighbors."""
 RESOLVED = 2.0
 """Spacings that a petiole is wide at least: of what is narrower the scan shows no cross-section."""
 COMMON = 0.25
@@ -87,9 +92,9 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
     unsure: list[tuple[StalkStretch, int]] = []
     if len(points) < FEWEST:
         return blade, found, ()
-    some = np.arange(len(points))
-    if len(points) > MAX_POINTS:
-        some = np.sort(np.random.default_rng(0).permutation(len(points))[:MAX_POINTS])
+    some = usable_rows(points, OUTLIERS)  # a stray beside a petiole widens its sections, and may be an end itself
+    if len(some) > MAX_POINTS:
+        some = np.sort(np.random.default_rng(0).permutation(some)[:MAX_POINTS])
     ways = PointWays(points[some])
     coarse = float(np.sqrt(np.median(ways.cells)))
     spacing = coarse * float(np.sqrt(len(some) / len(points)))

@@ -10,6 +10,7 @@ from o3dleaf.leaf.chart.petiole import find_petiole
 from o3dleaf.leaf.chart.stalk.lobes import COMMON
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
 from o3dleaf.leaf.chart.stalk.sections import Sections, sections_along
+from o3dleaf.leaf.chart.stalk.stretches import find_stretch
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from tests import planar_leaves
 from tests import tolerances as tol
@@ -138,12 +139,37 @@ def test_what_may_be_a_petiole_is_kept_and_told_with_its_size_and_place(arc, dia
     assert find_petiole(np.concatenate([blade, stalk]))[2] == ()
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_strays_hide_no_petiole(seed):
+    """One point of a hundred lies anywhere around the leaf: beside the petiole, and as an end of its own."""
+    blade, stalk = seen(150, 2.0, 20.0, 0.4, 0.05, seed)
+    leaf = np.concatenate([blade, stalk])
+    low, high = leaf.min(axis=0) - [0, 0, 20], leaf.max(axis=0) + [0, 0, 20]
+    strays = np.random.default_rng(seed).uniform(low, high, (len(leaf) // 100, 3))
+    kept, petiole, _ = find_petiole(np.concatenate([leaf, strays]), 0.05)
+    assert petiole is not None
+    assert np.mean(kept[: len(blade)]) > 0.995
+    assert np.mean(~kept[len(blade) : len(leaf)]) > 0.85
+
+
+def test_a_stalk_that_tapers_no_more_than_its_few_points_scatter_is_told():
+    """Its outer third is 0.42 as wide as the inner: a tip, if that is known."""
+    width = np.concatenate([np.linspace(0.8, 2.6, 30), np.full(60, 20.0)])
+    few, many = (
+        find_stretch(Sections(1.0, width, 0 * width, np.cumsum(width), np.full(len(width), held))) for held in (2, 40)
+    )
+    assert few is not None
+    assert not few.is_sure
+    assert many is None
+
+
 def test_a_petiole_makes_no_blade_narrow():
     """However long it is: a blade three times as long as wide on a stalk as long."""
     width = np.repeat([2.0, 20.0], 60)
-    sections = Sections(1.0, width, width, np.cumsum(width))
+    held = np.full(len(width), 50)
+    sections = Sections(1.0, width, width, np.cumsum(width), held)
     assert not sections.is_narrow_from(60.0)
-    assert Sections(1.0, width[60:] / 2, width[60:], np.cumsum(width[60:])).is_narrow_from(0.0)
+    assert Sections(1.0, width[60:] / 2, width[60:], np.cumsum(width[60:]), held[60:]).is_narrow_from(0.0)
 
 
 def finger(radius=1.0, length=30.0):

@@ -29,12 +29,15 @@ class Sections(NamedTuple):
         The same across it, without twice the noise's variance: of few points the lesser is off by as much.
     area : (k,) ndarray
         Up to the end of each station.
+    held : (k,) ndarray of int64
+        Points of each station.
     """
 
     step: float
     width: FloatArray
     depth: FloatArray
     area: FloatArray
+    held: IntArray
 
     def is_narrow_from(self, distance: float) -> bool:
         """Return whether the leaf beyond a stalk is narrow, so that it tapers over many widths of its tip."""
@@ -68,7 +71,7 @@ def sections_along(points: FloatArray, cells: FloatArray, distance: FloatArray, 
     variance = np.linalg.eigvalsh(scatter / np.maximum(free, 1e-3)[:, np.newaxis, np.newaxis])
     width = np.sqrt(12 * np.maximum(variance[:, 2] - noise**2, 0))
     depth = np.sqrt(12 * np.maximum(variance[:, 1] - 2 * noise**2, 0))
-    return Sections(reach / count, width, depth, np.cumsum(np.bincount(station, cells, count)))
+    return Sections(reach / count, width, depth, np.cumsum(np.bincount(station, cells, count)), held)
 
 
 def _sums(station: IntArray, values: FloatArray, count: int) -> FloatArray:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.chart.stalk.sections import Sections
 
 NARROW = 0.25
@@ -26,6 +27,9 @@ ones are shreds of a margin, unless they are as slender as no shred is."""
 SLENDER_FLAT = 12.0
 """Times its width from which a flat stalk may be as short as a curled one: of a broad leaf few are as long as it is
 wide, and of one seen from one side, a few points wide, the noise hides the depth."""
+ERRORS = 2.0
+"""Of the width of its outer third, 1/√(2n) of it of n points, by which one that is slender or curled may be a stalk that
+does not taper."""
 ROUND = 0.27
 """Depth of a section over its width from which it counts as curled: 0.28 an arc of 120°, what a scanner on one side
 sees of a tube up to 30° from grazing; 0.34 an arc of 150°, 0.44 half a tube, 1 all."""
@@ -34,7 +38,7 @@ sees of a tube up to 30° from grazing; 0.34 an arc of 150°, 0.44 half a tube, 
 class StalkStretch(NamedTuple):
     """A stalk by its sections: where it begins and ends, in distance from the end of the leaf, and its width.
 
-    Sure is one that is so long, slender or curled that it is no shred of a margin.
+    Sure is one that is so long, slender or curled that it is no shred of a margin, and as wide at its end as within.
     """
 
     first: float
@@ -63,26 +67,30 @@ def find_stretch(sections: Sections) -> StalkStretch | None:
             break
         usual = float(np.median(width[first:last]))
         unflared = np.flatnonzero(width[first:last] <= FLARE * usual)
-        stretch = width[first : first + int(unflared[-1]) + 1]
-        length = len(stretch) * sections.step
-        steady = bool(first) or _is_steady(stretch)
+        stretch = slice(first, first + int(unflared[-1]) + 1)
+        length = (stretch.stop - first) * sections.step
+        steady, error = (np.inf, 0.0) if first else _steadiness(width[stretch], sections.held[stretch])
         slender = length >= (SLENDER_NECK if first else SLENDER) * usual
-        deep = float(np.median(sections.depth[first : first + len(stretch)])) >= ROUND * usual
+        deep = float(np.median(sections.depth[stretch])) >= ROUND * usual
         may_be_short = deep or length >= SLENDER_FLAT * usual
-        if not steady or not slender or length < LONG_IF_ROUND * widest:
+        may_be_steady = steady >= 1 or (may_be_short and steady + ERRORS * error >= 1)
+        if not may_be_steady or not slender or length < LONG_IF_ROUND * widest:
             continue
         found = StalkStretch(first * sections.step, first * sections.step + length, usual, is_sure=True)
-        if may_be_short or length >= LONG * widest:
+        if steady >= 1 and (may_be_short or length >= LONG * widest):
             return found
         unsure = unsure or found._replace(is_sure=False)
     return unsure
 
 
-def _is_steady(width: FloatArray) -> bool:
-    """Return whether sections from an end on, widths (k,), do not taper towards it, as a tip or a lobe does."""
+def _steadiness(width: FloatArray, held: IntArray) -> tuple[float, float]:
+    """Return a ratio below 1 where sections from an end on taper towards it, as a tip or a lobe does, and its error.
+
+    Of widths (k,) and numbers of points (k,).
+    """
     third = len(width) // 3
     ends = max(1, third)
     outer = float(width[:ends].mean())
-    tapers = outer < STEADY * width[-ends:].mean()
-    bulges = outer < BULGE * width[third : len(width) - third].mean()
-    return not (tapers or bulges)
+    within = max(STEADY * float(width[-ends:].mean()), BULGE * float(width[third : len(width) - third].mean()))
+    ratio = outer / within if within else np.inf
+    return ratio, ratio / float(np.sqrt(2 * max(1, held[:ends].sum())))
