@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.margin.gaps.joined_pieces import PIECE, joined_pieces
 from o3dleaf.leaf.margin.gaps.narrow_bays import narrow_bays
 from o3dleaf.leaf.margin.gaps.sample_gaps import CHANCE, enclosed_by_chance, open_gaps, slits_of, small_gaps
 from o3dleaf.leaf.margin.missing_area import missing_area, randomness
@@ -41,15 +42,11 @@ VOID = 1.6
 """Width of the widest void that chance leaves, in short sides: a disc of those 16 cells."""
 DEEP = 2.0
 """Spacings from the border at which cells are those of the sample."""
-BRIDGE = 8.0
-"""Pieces of a sample are joined over gaps of so many spacings; beyond that nothing says that they belong together."""
 NARROW = 2 / 3
 """Share of the points that are deep below which a leaf is so narrow, some fifteen spacings, that those nearest to a
 margin may be of the other side's density."""
 ROUNDS = 2
 """Times that an uneven sample is spaced by all of its points: where it is sparser than was thought it covers more."""
-PIECE = 10
-"""Fewer points than this are no piece of their own."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +123,7 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     covered = _covered(mesh, spacing, size, short)
     bays = _bays(mesh, covered, size, found) if lines is None else np.zeros_like(covered)
     covered &= ~bays
-    kept, bridged, widest = _joined(mesh, covered, spacing, short)
+    kept, bridged, widest = joined_pieces(mesh, covered, bays, spacing, LONG * short)
     chance = enclosed_by_chance(mesh, kept, size, short)
     covered, kept = covered | chance, kept | chance
     kept |= slits_of(mesh, kept, fill_slits)
@@ -156,7 +153,7 @@ def _longest(mesh: Triangulation, bays: BoolArray, short: float) -> FloatArray:
 class _Spaced(NamedTuple):
     """How a sample is spaced: triangles `kept` (m,) and the `cells` (n,) of these, `deep` points (n,), `spacing` (n,).
 
-    And the side, in spacings, that is still `short`.
+    And the side, in spacings, that is still `short`, and the triangles `bays` (m,) of narrow bays found so far.
     """
 
     kept: BoolArray
@@ -164,6 +161,7 @@ class _Spaced(NamedTuple):
     deep: BoolArray
     spacing: FloatArray
     short: float
+    bays: BoolArray
 
 
 def _spaced(mesh: Triangulation, near: IntArray) -> _Spaced:
@@ -173,7 +171,7 @@ def _spaced(mesh: Triangulation, near: IntArray) -> _Spaced:
         kept, cells, deep = _cells(mesh, near, spacing, short, jump)
         spacing, jump = cell_sizes(mesh.points, cells, deep), JUMP
         short = _short(mesh, kept, deep, spacing)
-    return _Spaced(kept, cells, deep, spacing, short)
+    return _Spaced(kept, cells, deep, spacing, short, np.zeros_like(kept))
 
 
 def _beside_bays(mesh: Triangulation, near: IntArray, found: _Spaced) -> _Spaced:
@@ -181,22 +179,22 @@ def _beside_bays(mesh: Triangulation, near: IntArray, found: _Spaced) -> _Spaced
     for _ in range(ROUNDS):
         size = spacing_between(near, mesh.triangles, found.spacing, JUMP)
         bays = _bays(mesh, _covered(mesh, found.spacing, size, found.short), size, found)
-        if not bays.any():
+        if not np.any(bays & ~found.bays):
             break
         kept, cells, deep = _cells(mesh, near, found.spacing, found.short, JUMP, bays)
         spacing = cell_sizes(mesh.points, cells, deep)
-        found = _Spaced(kept, cells, deep, spacing, _short(mesh, kept, deep, spacing))
+        found = _Spaced(kept, cells, deep, spacing, _short(mesh, kept, deep, spacing), bays)
     return found
 
 
 def _of_uneven(mesh: Triangulation, near: IntArray, found: _Spaced) -> _Spaced:
     """Return how a sample is spaced, by all points, those at its border as what of them is not beyond it."""
-    kept, cells, deep, spacing, short = found
+    kept, cells, deep, spacing, short, bays = found
     longest = np.full(len(spacing), LONG * short)
     missing = missing_area(mesh, kept, spacing, _randomness(mesh, kept, deep, spacing), longest)
     spacing = uneven_sizes(mesh.points, cells, 1 - missing / spacing**2, spacing)
     short = _short(mesh, kept, deep, spacing)
-    return _Spaced(*_cells(mesh, near, spacing, short, JUMP), spacing, short)
+    return _Spaced(*_cells(mesh, near, spacing, short, JUMP), spacing, short, bays)
 
 
 def _cells(
@@ -269,12 +267,13 @@ def _bays(mesh: Triangulation, covered: BoolArray, size: FloatArray, found: _Spa
     """Return the triangles (m,) of narrow bays: what is as narrow inside a leaf is a scanner's as often.
 
     All along their banks there are deep points, whose spacing is known: a strip too narrow for any may be as sparse.
+    Of what is left where they are open fewer are deep; so those found before stay.
     """
     bays = narrow_bays(mesh, size, found.short / SHORT, found.short, LONG * found.short)
     known = cKDTree(mesh.points[found.deep]).query(mesh.points)[0] <= 2 * DEEP * found.spacing
     labels = components_of(mesh.neighbors, bays)
     bays &= ~np.isin(labels, labels[bays & ~known[mesh.triangles].all(axis=1)])
-    bays &= open_gaps(mesh, bays | ~covered)
+    bays = found.bays | bays & open_gaps(mesh, bays | ~covered)
     return bays & ~_cuts(mesh, covered, bays)
 
 
@@ -292,23 +291,3 @@ def _cuts(mesh: Triangulation, covered: BoolArray, bays: BoolArray) -> BoolArray
     cuts = np.zeros(len(bays), dtype=bool)
     cuts[rows] = (np.bincount(pairs[:, 0], minlength=own.max() + 1) > 1)[own]
     return cuts
-
-
-def _joined(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int, float]:
-    """Return the triangles with those that bridge pieces, how many pieces of `PIECE` points these join, and how far."""
-    labels = components_of(mesh.neighbors, kept)
-    piece = np.arange(len(mesh.points)) + labels.max() + 1  # a point alone is a piece by itself
-    for corner in range(3):
-        piece[mesh.triangles[kept, corner]] = labels[kept]
-    piece = np.unique(piece, return_inverse=True)[1]
-    large = np.bincount(piece) >= PIECE
-    of = piece[mesh.triangles]
-    reach = mesh.reach / spacing[mesh.triangles].mean(axis=1)
-    several = (of != of[:, :1]).any(axis=1)
-    limit = np.where(large[of].all(axis=1), BRIDGE, LONG * short)
-    bridge = ~kept & several & (reach <= limit)
-    joined = kept | bridge
-    pieces = np.flatnonzero(np.bincount(labels[kept]) >= PIECE)
-    after = components_of(mesh.neighbors, joined)[kept & np.isin(labels, pieces)]
-    bridged = len(pieces) - len(np.unique(after))
-    return joined, bridged, float(mesh.reach[bridge & large[of].all(axis=1)].max(initial=0.0)) if bridged else 0.0

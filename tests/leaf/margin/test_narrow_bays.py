@@ -8,7 +8,7 @@ import shapely
 import planar_leaves as leaves
 from o3dleaf.leaf.margin import sample_region
 from o3dleaf.leaf.margin.sample_region import cover_sample
-from tolerances import NARROW_BAYS
+from tolerances import BAYS_COVERED, NARROW_BAYS
 
 SCRIPTS = Path(__file__).parents[3] / "scripts"
 
@@ -54,3 +54,17 @@ def test_leaves_without_bays_are_covered_as_if_none_were_looked_for(monkeypatch,
     for found, twin in covered_twice(monkeypatch, samples):
         assert np.array_equal(found.triangles, twin.triangles)
         assert np.array_equal(found.missing, twin.missing)
+
+
+def test_hardly_any_of_bays_is_covered(monkeypatch):
+    """No point of the leaf at their banks is joined to both, and none is shut where spacings are found anew."""
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    bays = importlib.import_module("measure_bays")
+    leaf = bays.family(held_out=False)["leaflets 3"]
+    between = leaf.buffer(2.0, join_style="mitre").buffer(-2.0, join_style="mitre").difference(leaf)
+    covered = []
+    for seed in range(2):
+        region = cover_sample(bays.independent(leaf, np.random.default_rng(seed)))
+        triangles = shapely.polygons(region.points[region.triangles])
+        covered.append(shapely.area(shapely.intersection(triangles, between)).sum() / between.area)
+    assert np.mean(covered) < BAYS_COVERED
