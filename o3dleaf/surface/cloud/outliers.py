@@ -10,6 +10,7 @@ from o3dleaf.core.arguments.kinds import Limit
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.places import extent, tell_middle, tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud import parity_loops
 from o3dleaf.surface.cloud.cells import Cells
@@ -112,13 +113,38 @@ def detect_outliers(
         return np.asarray(outlier)
 
 
+def tell_outliers(cloud: OrientedCloud, outlier: npt.NDArray[np.bool_]) -> str:
+    """Return in words where the largest group of a cloud's outliers, a mask (n,), is, how many and how long.
+
+    Outliers are linked to those of their eight nearest ones that are within `MAX_GAP` times the cloud's median distance
+    of an eighth neighbor.
+    """
+    strays = np.ascontiguousarray(cloud.points[outlier])
+    if len(strays) == 1:
+        return f"the outlier is at {tell_place(strays[0], cloud.points)}"
+    usual = float(np.median(cloud.neighbors.distance[:, : NEIGHBORS + 1][:, -1]))
+    distance, row = query(cKDTree(strays), strays, k=np.arange(1, min(NEIGHBORS + 1, len(strays)) + 1))
+    cluster = _linked(distance, row, MAX_GAP * usual)
+    group = strays[cluster == np.bincount(cluster).argmax()]
+    if len(group) == 1:
+        return f"the outliers are apart from one another, one of them at {tell_place(group[0], cloud.points)}"
+    size, place = f"{extent(group):.3g}", tell_middle(group, cloud.points)
+    return f"the largest group of outliers has {len(group):,} points, is {size} long, and at {place}"
+
+
 def _in_small_clusters(distance: FloatArray, row: IndexArray, reach: FloatArray | float) -> npt.NDArray[np.bool_]:
     """Return which points (n,) few are linked to, of neighbors `row` (n, 8) at `distance` within a `reach` (n, 8)."""
+    parent = _linked(distance, row, reach)
+    size = np.bincount(parent)
+    return np.asarray(size[parent] < min(MIN_CLUSTER, size.max()))
+
+
+def _linked(distance: FloatArray, row: IndexArray, reach: FloatArray | float) -> IndexArray:
+    """Return the cluster (n,) of each point, by one of its rows, of links to its neighbors (n, k) within a reach."""
     parent, sign = np.arange(len(row)), np.ones(len(row), np.int8)
     parity_loops.join_near(row, np.where(distance <= reach, 0.0, np.inf), 1.0, parent, sign)
     parity_loops.flatten(parent, sign)
-    size = np.bincount(parent)
-    return np.asarray(size[parent] < min(MIN_CLUSTER, size.max()))
+    return parent
 
 
 def _are_isolated(far: FloatArray, row: IndexArray, max_ratio: float) -> npt.NDArray[np.bool_]:
