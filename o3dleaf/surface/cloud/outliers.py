@@ -12,9 +12,8 @@ from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.core.places import extent, tell_middle, tell_place
 from o3dleaf.core.trees import query
-from o3dleaf.surface.cloud import parity_loops
 from o3dleaf.surface.cloud.cells import Cells
-from o3dleaf.surface.cloud.neighbors import BLOCK, IndexArray, fit_planes
+from o3dleaf.surface.cloud.neighbors import BLOCK, IndexArray, fit_planes, largest_group, linked
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 
 NEIGHBORS = 8
@@ -123,9 +122,7 @@ def tell_outliers(cloud: OrientedCloud, outlier: npt.NDArray[np.bool_]) -> str:
     if len(strays) == 1:
         return f"the outlier is at {tell_place(strays[0], cloud.points)}"
     usual = float(np.median(cloud.neighbors.distance[:, : NEIGHBORS + 1][:, -1]))
-    distance, row = query(cKDTree(strays), strays, k=np.arange(1, min(NEIGHBORS + 1, len(strays)) + 1))
-    cluster = _linked(distance, row, MAX_GAP * usual)
-    group = strays[cluster == np.bincount(cluster).argmax()]
+    group = largest_group(strays, MAX_GAP * usual)
     if len(group) == 1:
         return f"the outliers are apart from one another, one of them at {tell_place(group[0], cloud.points)}"
     size, place = f"{extent(group):.3g}", tell_middle(group, cloud.points)
@@ -134,17 +131,9 @@ def tell_outliers(cloud: OrientedCloud, outlier: npt.NDArray[np.bool_]) -> str:
 
 def _in_small_clusters(distance: FloatArray, row: IndexArray, reach: FloatArray | float) -> npt.NDArray[np.bool_]:
     """Return which points (n,) few are linked to, of neighbors `row` (n, 8) at `distance` within a `reach` (n, 8)."""
-    parent = _linked(distance, row, reach)
-    size = np.bincount(parent)
-    return np.asarray(size[parent] < min(MIN_CLUSTER, size.max()))
-
-
-def _linked(distance: FloatArray, row: IndexArray, reach: FloatArray | float) -> IndexArray:
-    """Return the cluster (n,) of each point, by one of its rows, of links to its neighbors (n, k) within a reach."""
-    parent, sign = np.arange(len(row)), np.ones(len(row), np.int8)
-    parity_loops.join_near(row, np.where(distance <= reach, 0.0, np.inf), 1.0, parent, sign)
-    parity_loops.flatten(parent, sign)
-    return parent
+    cluster = linked(distance, row, reach)
+    size = np.bincount(cluster)
+    return np.asarray(size[cluster] < min(MIN_CLUSTER, size.max()))
 
 
 def _are_isolated(far: FloatArray, row: IndexArray, max_ratio: float) -> npt.NDArray[np.bool_]:

@@ -12,6 +12,7 @@ from o3dleaf.core.even_sample import even_rows
 from o3dleaf.core.places import tell_middle
 from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
 from o3dleaf.surface.cloud.normals import opposed_share, repair_normals
+from o3dleaf.surface.cloud.orientation.contradictions import tell_contradictions
 from o3dleaf.surface.cloud.orientation.orientation import Orientation, orient_surfels
 from o3dleaf.surface.cloud.orientation.sides import OPEN
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -117,7 +118,7 @@ def check_normals(cloud: OrientedCloud, given: FloatArray, *, orient: bool) -> O
         closed = imbalance(unit, surfels.spacing) < max(CLOSED, SURE / np.sqrt(len(points)))
         unit = -unit if closed else unit
         more += ("all normals pointed inward and were flipped" if closed else INWARD_NOTE,)
-    return Orientation(unit, notes + more, is_open=sided.is_open)
+    return Orientation(unit, notes + more + tell_contradictions(cloud, unit), is_open=sided.is_open)
 
 
 def _group_means(surfels: Surfels, unit: FloatArray) -> FloatArray:
