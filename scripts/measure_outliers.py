@@ -1,11 +1,11 @@
-"""Measure which points of solids sampled evenly and unevenly are taken for outliers: those drawn, and those of the solid.
+"""Measure which points of solids, sampled evenly and unevenly, are taken for outliers: outliers, and the solids' own.
 
     python scripts/measure_outliers.py [--points 6000] [--held-out]
 
-One half of a solid, or what is in a ball, has the full density, the rest a twentieth or an eightieth of it. Outliers are points in the box
-around it, points five to fifteen spacings above the surface, and groups of two, three and five at such heights, each
-two percent of the points; those within 4.5 spacings of a point do not count. One line each: outliers that are taken,
-and points of the solid that are lost. Held out are other solids, ratios and draws.
+One half of a solid, or what is in a ball, has the full density, the rest a twentieth or an eightieth of it. Outliers
+are points in the box around it, points five to fifteen spacings above the surface, and groups of two, three and five
+at such heights, each two percent of the points; those within 4.5 spacings of a point do not count. One line each:
+outliers that are taken, and points of the solid that are lost. Held out are other solids, ratios and draws.
 """
 
 import argparse
@@ -73,7 +73,9 @@ def main():
         for region in ("half", "ball") if ratio > 1 else ("half",):
             print(f"{ratio}:1, {region}")
             clouds = [
-                sampled(make(), given.points, ratio, region, seed) + (seed,) for make in solids.values() for seed in seeds
+                (*sampled(make(), given.points, ratio, region, seed), seed)
+                for make in solids.values()
+                for seed in seeds
             ]
             lost = sum(int(o3l.detect_outliers(points).sum()) for points, _, _ in clouds)
             print(f"    none   lost {lost / sum(len(points) for points, _, _ in clouds):.3%}")

@@ -103,7 +103,8 @@ def linked(distance: FloatArray, row: IndexArray, reach: FloatArray | float) -> 
 def largest_group(points: FloatArray, reach: float) -> FloatArray:
     """Return those of some points (n, 3) that are most, linked to those of their eight nearest within a reach."""
     near = np.arange(1, min(LINKED + 1, len(points)) + 1)
-    group = linked(*query(cKDTree(points), points, k=near), reach)
+    distance, row = query(cKDTree(points), points, k=near)
+    group = linked(distance, row, reach)
     return np.asarray(points[group == np.bincount(group).argmax()])
 
 

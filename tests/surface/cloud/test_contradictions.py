@@ -7,6 +7,7 @@ import pytest
 
 from cloud_shapes import block, slab, sphere, torus
 from o3dleaf import OrientedCloud, preprocess_point_cloud, samples
+from o3dleaf.surface.cloud.orientation.contradictions import find_contradicted
 
 
 def moebius(count, half_width, start=0.0):
@@ -51,3 +52,11 @@ def test_thin_parts_under_noise_are_not(solid):
     points, normals = solid.sample(5_000)
     noise = 0.005 * np.linalg.norm(np.ptp(points, axis=0))
     assert not told(points + noise * np.random.default_rng(1).normal(size=points.shape), normals)
+
+
+def test_one_wrong_normal_contradicts_the_others_and_they_not_one_another():
+    xy = np.random.default_rng(2).uniform(size=(2_000, 2))
+    normals = np.tile([0.0, 0.0, 1.0], (2_000, 1))
+    normals[7] *= -1
+    cloud = OrientedCloud.of(np.column_stack([xy, np.zeros(2_000)]))
+    assert np.flatnonzero(find_contradicted(cloud, normals)).tolist() == [7]

@@ -137,9 +137,7 @@ def test_the_largest_group_of_outliers_is_told_with_its_number_its_length_and_it
     points, _ = torus(5_000)
     places = np.repeat([[3.0, 0.0, 0.0], [0.0, -4.0, 0.0], [0.0, 0.0, 5.0]], [1, 5, 3], axis=0)
     places[1:6, 0] += np.linspace(-0.04, 0.04, 5)
-    told = [
-        remove_faults(np.vstack([points, some])).decisions[-1] for some in (places, places[[0, 1, 8]], places[:1])
-    ]
+    told = [remove_faults(np.vstack([points, some])).decisions[-1] for some in (places, places[[0, 1, 8]], places[:1])]
     assert told[0] == "the largest group of outliers has 5 points, is 0.08 long, and at 0.000 -4.000 0.000"
     assert told[1].startswith("the outliers are apart from one another, one of them at ")
     assert told[2] == "the outlier is at 3.000 0.000 0.000"

@@ -1,4 +1,4 @@
-"""Normals that contradict one another along a line, as those of a sheet with one side do: told, with number and place."""
+"""Normals that contradict one another along a line, as those of a sheet with one side do: told, with their place."""
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +19,8 @@ MIN_OPPOSED = 2
 MIN_LINE = 8
 """Points of a line: fewer normals against those around them are noise; the clouds of the bench have up to three."""
 NOTE = (
-    "the normals of {:,} points contradict those beside them, along a line around {}: the surface is torn, or joined to "
-    "itself there; without normals a sheet with one side is cut"
+    "the normals of {:,} points contradict those beside them, along a line around {}: the surface is torn there, or "
+    "joined to itself; without normals a sheet with one side is cut"
 )
 
 
