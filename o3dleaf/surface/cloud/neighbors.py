@@ -12,13 +12,15 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.trees import query
-from o3dleaf.surface.cloud import cloud_loops
+from o3dleaf.surface.cloud import cloud_loops, parity_loops
 
 IndexArray = npt.NDArray[np.int64]
 NEIGHBORS = 16
 """Of a sampled surface they lie within 2.3 spacings: fewer make normals noisy, more reach across a thin sheet."""
 SPACED = 12
 """Neighbor by whose distance the spacing is measured; off by 1/(2 √12), 14 %, at one random point, before averaging."""
+LINKED = 8
+"""Nearest points that one is linked to in a group."""
 BLOCK = 4096
 BATCH_SIZE = 1 << 18
 """Points whose neighbors are searched at once."""
@@ -88,6 +90,22 @@ def fit_planes(points: FloatArray, rows: IndexArray) -> Planes:
 
     run_blocks(task, len(rows), BLOCK, reports=True)
     return Planes(normal, variance)
+
+
+def linked(distance: FloatArray, row: IndexArray, reach: FloatArray | float) -> IndexArray:
+    """Return the group (n,) of each point, by one of its rows, of links to its neighbors (n, k) within a reach."""
+    parent, sign = np.arange(len(row)), np.ones(len(row), np.int8)
+    parity_loops.join_near(row, np.where(distance <= reach, 0.0, np.inf), 1.0, parent, sign)
+    parity_loops.flatten(parent, sign)
+    return parent
+
+
+def largest_group(points: FloatArray, reach: float) -> FloatArray:
+    """Return those of some points (n, 3) that are most, linked to those of their eight nearest within a reach."""
+    near = np.arange(1, min(LINKED + 1, len(points)) + 1)
+    distance, row = query(cKDTree(points), points, k=near)
+    group = linked(distance, row, reach)
+    return np.asarray(points[group == np.bincount(group).argmax()])
 
 
 def smooth_spacings(near: Neighborhoods) -> FloatArray:

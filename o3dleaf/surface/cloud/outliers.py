@@ -10,9 +10,10 @@ from o3dleaf.core.arguments.kinds import Limit
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.places import extent, tell_middle, tell_place
 from o3dleaf.core.trees import query
-from o3dleaf.surface.cloud import parity_loops
-from o3dleaf.surface.cloud.neighbors import BLOCK, IndexArray, fit_planes
+from o3dleaf.surface.cloud.cells import Cells
+from o3dleaf.surface.cloud.neighbors import BLOCK, IndexArray, fit_planes, largest_group, linked
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 
 NEIGHBORS = 8
@@ -29,9 +30,9 @@ FILLED = ((16, 0.45), (48, 0.55))
 """Neighbors, and how thick over long they are at least where points fill space: the median over as many of them is
 0.57 and 0.7 then, by chance below the bound at one of a hundred. Of a surface only the larger is wide enough to show
 that a thin part, or a corner, is none."""
-SHEET = (0.3, 0.25)
-"""How thick over long neighborhoods of the same sizes are at most on a surface: a sphere of 300 points has 0.12 and
-0.22, terrain with waves five of its spacings long 0.14 and 0.13, and no place in 5,000 random points is below."""
+SHEET = (16, 0.25)
+"""Places of a cloud thinned to its own spacing around a point, and how thick over long they are with it at most on a
+surface: of random points in space one in 14,000 is below, of those as far above a plane as from the next ones 5 %."""
 
 
 @checked
@@ -46,11 +47,16 @@ def detect_outliers(
     """Return which points of a cloud (n,) belong to no surface.
 
     Points are linked to those of their eight nearest that are within `max_gap` times the median distance of an eighth
-    neighbor; clusters of fewer than 24 points are outliers, however far apart, unless nothing larger is there, or
-    they are a surface that is sampled more sparsely: flat at two scales among all that are in such clusters, which are
-    then judged by themselves, by their own median. So are
+    neighbor; clusters of fewer than 24 points are outliers, however far apart, unless nothing larger is there. So are
     points whose eighth neighbor is `max_ratio` times as far as that of the neighbors themselves, as in Breunig et al.:
-    some four spacings off a surface. So is clutter: points as sparse as that beside the densest quarter of the cloud
+    some four spacings off a surface.
+
+    Of both, a surface that is sampled more sparsely stays, also beside a dense one. Its points are linked by their own
+    density, to those of their eight nearest that are within `max_ratio` times the distance of the nearer one of both
+    eighth neighbors (the graph of mutual neighbors of Brito et al., with a margin), in clusters of 24 or more; and each
+    lies in the plane of the cloud around it, thinned to its own spacing.
+
+    So is clutter: points as sparse as that beside the densest quarter of the cloud
     which, taken alone, fill space, being about as thick as wide and long around most of them at two scales; a sparse
     surface, wires and scan lines do not. `std_ratio` adds Open3D's `remove_statistical_outlier`.
 
@@ -77,6 +83,9 @@ def detect_outliers(
     References
     ----------
     Breunig, Kriegel, Ng and Sander (2000), LOF: identifying density-based local outliers, SIGMOD, 93-104.
+
+    Brito, Chávez, Quiroz and Yukich (1997), Connectivity of the mutual k-nearest-neighbor graph in clustering and
+    outlier detection, Statistics & Probability Letters 35, 33-42.
     """
     cloud = OrientedCloud.of(cloud)
     searching, linking = progress.split(3, 1)
@@ -94,26 +103,37 @@ def detect_outliers(
             )
             return clutter
         row = np.ascontiguousarray(near.row[:, 1 : NEIGHBORS + 1])
-        small = _in_small_clusters(distance, row, max_gap)
-        sparse = np.flatnonzero(small)[_are_sheets(cloud.points[small])]
-        if len(sparse):
-            small[sparse] = detect_outliers(
-                cloud.take(sparse), max_gap=max_gap, max_ratio=np.inf, max_clutter=max_clutter, std_ratio=std_ratio
-            )
-        outlier = small | _are_isolated(distance[:, -1], row, max_ratio)
+        far = distance[:, -1]
+        outlier = _in_small_clusters(distance, row, max_gap * np.median(far)) | _are_isolated(far, row, max_ratio)
+        outlier[outlier] = ~_are_sparse_sheets(cloud.points, distance, row, outlier, max_ratio)
         if np.isfinite(std_ratio):
             mean = near.distance[:, :NEIGHBORS].mean(axis=1)
             outlier |= mean > mean.mean() + std_ratio * mean.std(ddof=1)
         return np.asarray(outlier)
 
 
-def _in_small_clusters(distance: FloatArray, row: IndexArray, max_gap: float) -> npt.NDArray[np.bool_]:
-    """Return which points (n,) few others are linked to, by the distances and rows (n, 8) of their neighbors."""
-    parent, sign = np.arange(len(row)), np.ones(len(row), np.int8)
-    parity_loops.join_near(row, distance, max_gap * float(np.median(distance[:, -1])), parent, sign)
-    parity_loops.flatten(parent, sign)
-    size = np.bincount(parent)
-    return np.asarray(size[parent] < min(MIN_CLUSTER, size.max()))
+def tell_outliers(cloud: OrientedCloud, outlier: npt.NDArray[np.bool_]) -> str:
+    """Return in words where the largest group of a cloud's outliers, a mask (n,), is, how many and how long.
+
+    Outliers are linked to those of their eight nearest ones that are within `MAX_GAP` times the cloud's median distance
+    of an eighth neighbor.
+    """
+    strays = np.ascontiguousarray(cloud.points[outlier])
+    if len(strays) == 1:
+        return f"the outlier is at {tell_place(strays[0], cloud.points)}"
+    usual = float(np.median(cloud.neighbors.distance[:, : NEIGHBORS + 1][:, -1]))
+    group = largest_group(strays, MAX_GAP * usual)
+    if len(group) == 1:
+        return f"the outliers are apart from one another, one of them at {tell_place(group[0], cloud.points)}"
+    size, place = f"{extent(group):.3g}", tell_middle(group, cloud.points)
+    return f"the largest group of outliers has {len(group):,} points, is {size} long, and at {place}"
+
+
+def _in_small_clusters(distance: FloatArray, row: IndexArray, reach: FloatArray | float) -> npt.NDArray[np.bool_]:
+    """Return which points (n,) few are linked to, of neighbors `row` (n, 8) at `distance` within a `reach` (n, 8)."""
+    cluster = linked(distance, row, reach)
+    size = np.bincount(cluster)
+    return np.asarray(size[cluster] < min(MIN_CLUSTER, size.max()))
 
 
 def _are_isolated(far: FloatArray, row: IndexArray, max_ratio: float) -> npt.NDArray[np.bool_]:
@@ -135,9 +155,34 @@ def _are_clutter(points: FloatArray, far: FloatArray, max_clutter: float) -> npt
     return clutter
 
 
-def _are_sheets(points: FloatArray) -> npt.NDArray[np.bool_]:
-    """Return which points (n,) lie on a surface, of those alone."""
-    return np.asarray(np.all([some < most for some, most in zip(_thickness(points), SHEET, strict=True)], axis=0))
+def _are_sparse_sheets(
+    points: FloatArray, distance: FloatArray, row: IndexArray, suspect: npt.NDArray[np.bool_], max_ratio: float
+) -> npt.NDArray[np.bool_]:
+    """Return which of the suspects (k,) among points (n, 3) lie on a surface of their own spacing.
+
+    Each has sixteen places of the cloud around it that is averaged in voxels of half to once its spacing.
+    """
+    sheet = np.zeros(len(points), dtype=bool)
+    if not suspect.any():
+        return sheet[suspect]
+    far = distance[:, -1]
+    sheet[suspect] = ~_in_small_clusters(distance, row, max_ratio * np.minimum(far[:, np.newaxis], far[row]))[suspect]
+    spacing, usual = np.sqrt(np.pi / NEIGHBORS) * far, np.median(far)
+    octave = np.floor(np.log2(spacing / usual))
+    count, most = SHEET
+    for each in np.unique(octave[sheet]):
+        rows = np.flatnonzero(sheet & (octave == each))
+        cells = Cells.sort(points, usual * 2.0**each)
+        size = cells.last - cells.first
+        means = np.add.reduceat(points[cells.order], cells.first) / size[:, np.newaxis]
+        if len(means) < count:
+            sheet[rows] = False
+            continue
+        near = query(cKDTree(means), points[rows], k=np.arange(1, count + 1))[1]
+        own = len(means) + np.arange(len(rows))
+        variance = fit_planes(np.vstack([means, points[rows]]), np.column_stack([own, near])).variance
+        sheet[rows] = variance[:, 0] < most**2 * variance[:, 2]
+    return sheet[suspect]
 
 
 def _thickness(points: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.branchings.branchings import Branchings
 from o3dleaf.surface.cloud.neighbors import IndexArray, Neighborhoods, fit_planes
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
-from o3dleaf.surface.cloud.outliers import detect_outliers
+from o3dleaf.surface.cloud.outliers import detect_outliers, tell_outliers
 from o3dleaf.surface.cloud.rounding import average_levels
 
 MIN_POINTS = 10
@@ -114,7 +114,8 @@ class UsablePoints(NamedTuple):
             return self
         require_enough(int(np.sum(~stray)), count)
         removed = self.cloud.removed._replace(outliers=int(stray.sum()))
-        return UsablePoints(replace(self.cloud.take(~stray), removed=removed), self.rows[~stray], None)
+        notes = (*self.cloud.notes, tell_outliers(self.cloud, stray))
+        return UsablePoints(replace(self.cloud.take(~stray), removed=removed, notes=notes), self.rows[~stray], None)
 
     def averaged(self, normals: FloatArray | None) -> "UsablePoints":
         """Average what lies on levels wider apart than the points are; each mean stands in its first point's row."""

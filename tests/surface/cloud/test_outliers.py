@@ -7,10 +7,11 @@ import open3d as o3d
 import pytest
 from scipy.spatial import cKDTree
 
-from cloud_shapes import torus
+from cloud_shapes import sphere, torus
 from o3dleaf import OrientedCloud, detect_outliers, read_point_cloud
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.pipeline import is_far
+from o3dleaf.surface.cloud import outliers
 from o3dleaf.surface.cloud.usable_points import remove_faults, usable_rows
 from tolerances import SCATTERED, UNEVEN
 
@@ -69,24 +70,77 @@ def test_a_surface_of_few_points_beside_a_dense_one_is_no_outlier():
         assert found[-10:].all()
 
 
+@pytest.mark.parametrize("shape", [sphere, torus])
+@pytest.mark.parametrize("scale", [7e-7, 1.0, 3e6])
+def test_a_solid_of_two_densities_loses_no_point_and_groups_beside_it_go(shape, scale):
+    """One half has a twentieth of the other's points; up to four points are some six spacings above either."""
+    points, normals = shape(24_000)
+    rng = np.random.default_rng(8)
+    kept = (points[:, 0] < 0) | (rng.random(24_000) < 1 / 20)
+    points, normals = points[kept], normals[kept]
+    assert not detect_outliers(scale * points).any()
+    spacing = OrientedCloud.of(points).point_spacing
+    for side in (points[:, 0] < -0.2, points[:, 0] > 0.2):
+        chosen = rng.choice(np.flatnonzero(side), 5, replace=False)
+        above = points[chosen] + 6 * spacing[chosen, np.newaxis] * normals[chosen]
+        groups = np.repeat(above, [1, 1, 2, 3, 4], axis=0)
+        groups += 0.2 * np.repeat(spacing[chosen], [1, 1, 2, 3, 4])[:, np.newaxis] * rng.normal(size=groups.shape)
+        found = detect_outliers(scale * np.vstack([points, groups]))
+        assert not found[: len(points)].any()
+        assert found[len(points) :].all()
+
+
+def test_forty_points_scattered_around_a_solid_are_outliers_though_they_are_near_one_another_by_their_own_density():
+    points, _ = torus(10_000)
+    scattered = np.random.default_rng(9).uniform(-2, 2, (40, 3))
+    spacing = OrientedCloud.of(points).spacing
+    away = scattered[cKDTree(points).query(scattered)[0] > 6 * spacing]
+    assert np.array_equal(np.flatnonzero(detect_outliers(np.vstack([points, away]))), 10_000 + np.arange(len(away)))
+
+
+def test_points_scattered_above_a_plane_or_far_beside_it_are_no_sparse_sheet(monkeypatch):
+    """Forty above it, of which many are linked to one another: no more stay than where no sparse sheet is asked for."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        plane = np.column_stack([rng.uniform(0, 100, (10_000, 2)), np.zeros(10_000)])
+        above = np.column_stack([rng.uniform(35, 65, (40, 2)), rng.uniform(6, 24, 40)])
+        group = [140.0, 50.0, 0.0] + rng.normal(size=(20, 3)) * [2.0, 2.0, 0.0]
+        points = np.vstack([plane, above, group])
+        found = detect_outliers(points)
+        assert found[-20:].all()
+        with monkeypatch.context() as without:
+            without.setattr(outliers, "SHEET", (16, 0.0))
+            assert np.array_equal(found, detect_outliers(points))
+
+
 @pytest.mark.parametrize("ratio", [1.0, 2.0, 10.0])
 def test_the_statistical_criterion_is_open3ds(ratio):
     rng = np.random.default_rng(3)
     points = rng.normal(size=(3000, 3)) * rng.uniform(0.1, 3, size=(3000, 1))
     _, kept = cloud_of(points).remove_statistical_outlier(nb_neighbors=8, std_ratio=ratio)
-    outliers = detect_outliers(points, max_gap=np.inf, max_ratio=np.inf, max_clutter=np.inf, std_ratio=ratio)
-    assert np.array_equal(np.flatnonzero(~outliers), np.sort(kept))
-    assert outliers.any() or ratio == 10
+    found = detect_outliers(points, max_gap=np.inf, max_ratio=np.inf, max_clutter=np.inf, std_ratio=ratio)
+    assert np.array_equal(np.flatnonzero(~found), np.sort(kept))
+    assert found.any() or ratio == 10
 
 
-@pytest.mark.parametrize("outliers", [is_far, detect_outliers])
-def test_repeated_and_stray_points_go_and_are_counted(outliers):
+@pytest.mark.parametrize("step", [is_far, detect_outliers])
+def test_repeated_and_stray_points_go_and_are_counted(step):
     rng = np.random.default_rng(1)
     leaf = np.column_stack([rng.uniform(0, 100, 3000), rng.uniform(-5, 5, 3000), np.zeros(3000)])
     far = np.array([[50.0, 0, 400], [-300, 0, 0]])
-    cloud = remove_faults(np.concatenate([leaf, leaf[:7], far]), outliers)
+    cloud = remove_faults(np.concatenate([leaf, leaf[:7], far]), step)
     assert (cloud.removed.repeated, cloud.removed.outliers) == (7, 2)
     assert np.array_equal(cloud.points, leaf)
+
+
+def test_the_largest_group_of_outliers_is_told_with_its_number_its_length_and_its_place():
+    points, _ = torus(5_000)
+    places = np.repeat([[3.0, 0.0, 0.0], [0.0, -4.0, 0.0], [0.0, 0.0, 5.0]], [1, 5, 3], axis=0)
+    places[1:6, 0] += np.linspace(-0.04, 0.04, 5)
+    told = [remove_faults(np.vstack([points, some])).decisions[-1] for some in (places, places[[0, 1, 8]], places[:1])]
+    assert told[0] == "the largest group of outliers has 5 points, is 0.08 long, and at 0.000 -4.000 0.000"
+    assert told[1].startswith("the outliers are apart from one another, one of them at ")
+    assert told[2] == "the outlier is at 3.000 0.000 0.000"
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
@@ -123,11 +177,11 @@ def test_tensor_clouds_and_arrays_are_taken_alike():
         assert np.array_equal(remove_faults(held, is_far).points, remove_faults(points, is_far).points)
 
 
-@pytest.mark.parametrize("outliers", [is_far, detect_outliers])
+@pytest.mark.parametrize("step", [is_far, detect_outliers])
 @pytest.mark.parametrize("points", [np.ones((200, 3)), np.random.default_rng(4).uniform(0, 1e300, (200, 3))])
-def test_a_scan_of_one_place_or_beyond_all_sizes_is_refused(points, outliers):
+def test_a_scan_of_one_place_or_beyond_all_sizes_is_refused(points, step):
     with pytest.raises(InputError, match=r"is it damaged|1e-30 to 1e[+]30"):
-        remove_faults(points, outliers)
+        remove_faults(points, step)
 
 
 def test_a_wrapped_step_finds_what_the_bare_one_finds():

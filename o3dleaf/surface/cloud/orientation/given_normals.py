@@ -9,8 +9,10 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import OrientationError
 from o3dleaf.core.even_sample import even_rows
+from o3dleaf.core.places import tell_middle
 from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
 from o3dleaf.surface.cloud.normals import opposed_share, repair_normals
+from o3dleaf.surface.cloud.orientation.contradictions import tell_contradictions
 from o3dleaf.surface.cloud.orientation.orientation import Orientation, orient_surfels
 from o3dleaf.surface.cloud.orientation.sides import OPEN
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -110,13 +112,13 @@ def check_normals(cloud: OrientedCloud, given: FloatArray, *, orient: bool) -> O
     elif found.conflict and found.before > CONTRADICTED:
         sided = _beyond_repair(cloud, unit, repaired)
     else:
-        sided = _repaired(unit, repaired)
+        sided = _repaired(points, unit, repaired)
     unit, more = sided.normals, sided.notes
     if _point_inward(surfels, unit):
         closed = imbalance(unit, surfels.spacing) < max(CLOSED, SURE / np.sqrt(len(points)))
         unit = -unit if closed else unit
         more += ("all normals pointed inward and were flipped" if closed else INWARD_NOTE,)
-    return Orientation(unit, notes + more, is_open=sided.is_open)
+    return Orientation(unit, notes + more + tell_contradictions(cloud, unit), is_open=sided.is_open)
 
 
 def _group_means(surfels: Surfels, unit: FloatArray) -> FloatArray:
@@ -219,10 +221,14 @@ def _oriented_anew(points: FloatArray, unit: FloatArray, surfels: Surfels) -> Or
     return anew if after <= BETTER * before else Orientation(unit, (KEPT_NOTE,))
 
 
-def _repaired(unit: FloatArray, repaired: FloatArray) -> Orientation:
-    """Return the repaired normals (n, 3), and how many of those given were turned."""
-    turned = int(np.sum(np.einsum("ij,ij->i", repaired, unit) < 0))
-    return Orientation(repaired, (f"{turned} normals contradicted their neighbors and were flipped",) if turned else ())
+def _repaired(points: FloatArray, unit: FloatArray, repaired: FloatArray) -> Orientation:
+    """Return the repaired normals (n, 3), and how many of those given were turned, and where."""
+    turned = np.einsum("ij,ij->i", repaired, unit) < 0
+    if not turned.any():
+        return Orientation(repaired, ())
+    place = tell_middle(points[turned], points)
+    note = f"{turned.sum()} normals contradicted their neighbors and were flipped, one of them at {place}"
+    return Orientation(repaired, (note,))
 
 
 def _beyond_repair(cloud: OrientedCloud, unit: FloatArray, repaired: FloatArray) -> Orientation:
@@ -234,14 +240,14 @@ def _beyond_repair(cloud: OrientedCloud, unit: FloatArray, repaired: FloatArray)
     points, rows, surfels = cloud.points, cloud.neighbors.row, cloud.surfels
     anew = _sides_anew(points, unit, surfels)
     if anew.normals is unit:
-        return _repaired(unit, repaired)
+        return _repaired(points, unit, repaired)
     if anew.is_open:
         after, before = (opposed_share(points, each, rows) for each in (anew.normals, repaired))
     else:
         after, before = (
             _error_of_sides(_winding(points, surfels.spacing, each)[0]) for each in (anew.normals, repaired)
         )
-    return anew if after < before else _repaired(unit, repaired)
+    return anew if after < before else _repaired(points, unit, repaired)
 
 
 def _sides_anew(points: FloatArray, unit: FloatArray, surfels: Surfels) -> Orientation:
