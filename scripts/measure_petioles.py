@@ -62,9 +62,9 @@ def draw_narrow(number, *, held_out=False):
 def add_strays(points, share, number):
     """Return points with that share of strays after them."""
     low, high = points.min(axis=0), points.max(axis=0)
-    depth = max(0.0, np.sort(high - low)[1] - (high - low)[2]) / 2
-    box = low - [0, 0, depth], high + [0, 0, depth]
-    strays = np.random.default_rng(number).uniform(*box, (round(share * len(points)), 3))
+    lacking = max(0.0, np.sort(high - low)[1] - (high - low)[2])
+    low[2], high[2] = low[2] - lacking / 2, high[2] + lacking / 2
+    strays = np.random.default_rng(number).uniform(low, high, (round(share * len(points)), 3))
     return np.concatenate([points, strays])
 
 

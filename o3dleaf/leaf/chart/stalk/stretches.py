@@ -28,7 +28,7 @@ SLENDER_FLAT = 12.0
 """Times its width from which a flat stalk may be as short as a curled one: of a broad leaf few are as long as it is
 wide, and of one seen from one side, a few points wide, the noise hides the depth."""
 ERRORS = 2.0
-"""Of the width of its outer third, 1/√(2n) of it of n points, by which one that is slender or curled may be a stalk that
+"""Of its outer third's width, 1/√(2n) of it of n points, within which one that is slender or curled may be a stalk that
 does not taper."""
 ROUND = 0.27
 """Depth of a section over its width from which it counts as curled: 0.28 an arc of 120°, what a scanner on one side
