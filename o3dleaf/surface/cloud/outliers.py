@@ -52,7 +52,7 @@ def detect_outliers(
     some four spacings off a surface.
 
     Of both, a surface that is sampled more sparsely stays, also beside a dense one. Its points are linked by their own
-    density, to those of their eight nearest that are within `max_ratio` times the distance of the nearer one of both
+    density, to those of their eight nearest that are within 2.5 times the distance of the nearer one of both
     eighth neighbors (the graph of mutual neighbors of Brito et al., with a margin), in clusters of 24 or more; and each
     lies in the plane of the cloud around it, thinned to its own spacing.
 
@@ -105,7 +105,7 @@ def detect_outliers(
         row = np.ascontiguousarray(near.row[:, 1 : NEIGHBORS + 1])
         far = distance[:, -1]
         outlier = _in_small_clusters(distance, row, max_gap * np.median(far)) | _are_isolated(far, row, max_ratio)
-        outlier[outlier] = ~_are_sparse_sheets(cloud.points, distance, row, outlier, max_ratio)
+        outlier[outlier] = ~_are_sparse_sheets(cloud.points, distance, row, outlier)
         if np.isfinite(std_ratio):
             mean = near.distance[:, :NEIGHBORS].mean(axis=1)
             outlier |= mean > mean.mean() + std_ratio * mean.std(ddof=1)
@@ -156,7 +156,7 @@ def _are_clutter(points: FloatArray, far: FloatArray, max_clutter: float) -> npt
 
 
 def _are_sparse_sheets(
-    points: FloatArray, distance: FloatArray, row: IndexArray, suspect: npt.NDArray[np.bool_], max_ratio: float
+    points: FloatArray, distance: FloatArray, row: IndexArray, suspect: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.bool_]:
     """Return which of the suspects (k,) among points (n, 3) lie on a surface of their own spacing.
 
@@ -166,7 +166,7 @@ def _are_sparse_sheets(
     if not suspect.any():
         return sheet[suspect]
     far = distance[:, -1]
-    sheet[suspect] = ~_in_small_clusters(distance, row, max_ratio * np.minimum(far[:, np.newaxis], far[row]))[suspect]
+    sheet[suspect] = ~_in_small_clusters(distance, row, MAX_RATIO * np.minimum(far[:, np.newaxis], far[row]))[suspect]
     spacing, usual = np.sqrt(np.pi / NEIGHBORS) * far, np.median(far)
     octave = np.floor(np.log2(spacing / usual))
     count, most = SHEET

@@ -90,12 +90,16 @@ def test_a_solid_of_two_densities_loses_no_point_and_groups_beside_it_go(shape, 
         assert found[len(points) :].all()
 
 
-def test_forty_points_scattered_around_a_solid_are_outliers_though_they_are_near_one_another_by_their_own_density():
+@pytest.mark.parametrize("max_ratio", [outliers.MAX_RATIO, np.inf])
+def test_forty_points_scattered_around_a_solid_are_outliers_though_they_are_near_one_another_by_their_own_density(
+    max_ratio,
+):
     points, _ = torus(10_000)
-    scattered = np.random.default_rng(9).uniform(-2, 2, (40, 3))
-    spacing = OrientedCloud.of(points).spacing
-    away = scattered[cKDTree(points).query(scattered)[0] > 6 * spacing]
-    assert np.array_equal(np.flatnonzero(detect_outliers(np.vstack([points, away]))), 10_000 + np.arange(len(away)))
+    for seed in range(5):
+        scattered = np.random.default_rng(seed).uniform(-2, 2, (40, 3))
+        away = scattered[cKDTree(points).query(scattered)[0] > 10 * OrientedCloud.of(points).spacing]
+        found = detect_outliers(np.vstack([points, away]), max_ratio=max_ratio)
+        assert np.array_equal(np.flatnonzero(found), 10_000 + np.arange(len(away)))
 
 
 def test_points_scattered_above_a_plane_or_far_beside_it_are_no_sparse_sheet(monkeypatch):
