@@ -165,20 +165,16 @@ class ReconstructJob(UnitOption, ColumnsOption, ResumeOption, LongJob):
 
     def line(self, summary: "MeshReport") -> str:
         """Return what the surface is."""
-        from o3dleaf.core.units import measure_in_words
+        from o3dleaf.core.units import measure_in_words, tell_count
 
         crossings = summary.self_intersections
         parts = (
             f"{summary.triangles:,} triangles",
-            _counted(summary.components, "piece"),
-            _counted(summary.boundary_loops, "rim") if summary.boundary_loops else "closed",
+            tell_count(summary.components, "piece"),
+            tell_count(summary.boundary_loops, "rim") if summary.boundary_loops else "closed",
             "genus unknown" if summary.genus is None else f"genus {summary.genus}",
             "manifold" if summary.manifold else "not manifold",
-            f"crosses itself {_counted(crossings, 'time')}" if crossings else "no crossings",
+            f"crosses itself {tell_count(crossings, 'time')}" if crossings else "no crossings",
             f"area {measure_in_words(summary.area, summary.unit, power=2)}",
         )
         return f"{self.output}: {', '.join(parts)}"
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count:,} {what}" + "s" * (count != 1)

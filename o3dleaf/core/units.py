@@ -126,6 +126,11 @@ def tell_length(value: float | Sequence[float], power: int = 1, *, digits: int =
     return measure_in_words(value, _of_messages.get(), power=power, digits=digits, join=join)
 
 
+def tell_count(count: int, noun: str, plural: str = "") -> str:
+    """Return a number of things in words, "1 point" or "2,000 points"; a plural is given where it is no added s."""
+    return f"{count:,} {noun if count == 1 else plural or noun + 's'}"
+
+
 def tell_share(share: float) -> str:
     """Return a share in percent, with two significant digits and no exponent; next to the whole with four."""
     percent = 100 * share

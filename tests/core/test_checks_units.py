@@ -7,7 +7,16 @@ from hypothesis import strategies as st
 
 from o3dleaf.core.checks import attributes, coordinates, files, scalars
 from o3dleaf.core.errors import InputError, O3DLeafError, UnitError
-from o3dleaf.core.units import METERS, check_unit, lengths_in, measure_in_words, tell_length, tell_share, unit_scale
+from o3dleaf.core.units import (
+    METERS,
+    check_unit,
+    lengths_in,
+    measure_in_words,
+    tell_count,
+    tell_length,
+    tell_share,
+    unit_scale,
+)
 
 
 @pytest.mark.parametrize(
@@ -238,3 +247,8 @@ def test_points_of_any_size_whose_powers_are_numbers_are_taken(scale):
 def test_points_whose_powers_are_no_numbers_are_refused(scale):
     with pytest.raises(InputError, match=r"1e-30 to 1e[+]30"):
         coordinates.require_size(scale * np.array([[0.0, 0.5, 1.0], [1.0, 0.0, 0.25]]), "points")
+
+
+def test_a_number_of_things_has_the_noun_that_goes_with_it():
+    assert [tell_count(count, "point") for count in (0, 1, 2000)] == ["0 points", "1 point", "2,000 points"]
+    assert [tell_count(count, "vertex", "vertices") for count in (1, 2)] == ["1 vertex", "2 vertices"]

@@ -91,7 +91,7 @@ class DropletOptions:
     def write_cases(self, source: Path, output: Path, spacing: float | None) -> str:
         """Write the case, or one for each landing place, whole or not at all; return a line about it."""
         from o3dleaf.core.atomic_files import whole_folder, write_json
-        from o3dleaf.core.units import unit_scale
+        from o3dleaf.core.units import tell_count, unit_scale
         from o3dleaf.output.droplet.solver import WHERE, missing_tools
         from o3dleaf.output.droplet.surfaces import LandingWindow
         from o3dleaf.output.droplet.written import RESULTS, SETTINGS
@@ -111,7 +111,7 @@ class DropletOptions:
                 write_json({"cases": cases, "seed": self.seed}, folder / SETTINGS)
         if missing_tools():
             note(f"OpenFOAM is not here, and the case is complete without it; to run it, {WHERE}")
-        return f"{len(places)} case{'s' * (len(places) > 1)} of a droplet; run with o3dleaf droplet {output}"
+        return f"{tell_count(len(places), 'case')} of a droplet; run with o3dleaf droplet {output}"
 
     def places(self, leaf: "MultiscaleLeaf", unit: float) -> list[tuple[str, tuple[float, float]]]:
         """Return the kinds of landing places and where they are; of a single one the kind is not known."""

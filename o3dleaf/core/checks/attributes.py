@@ -10,6 +10,7 @@ from o3dleaf.core.checks.arrays import FloatArray, as_array, as_floats, require_
 from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.errors import DataWarning, InputError
 from o3dleaf.core.places import tell_place
+from o3dleaf.core.units import tell_count
 
 
 def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, columns: bool = False) -> FloatArray:
@@ -99,7 +100,7 @@ def warn_of_contradictions(points: FloatArray, values: FloatArray) -> None:
     if len(places):
         where = tell_place(points[order[np.searchsorted(group, places[0])]], points)
         journal.warn(
-            f"values: points coincide and have different values at {len(places):,} place{'s' * (len(places) > 1)}, the "
+            f"values: points coincide and have different values at {tell_count(len(places), 'place')}, the "
             f"first at {where}; the fit goes through their means; give smoothing, or leave one point at each place",
             DataWarning,
         )

@@ -8,7 +8,7 @@ import numpy as np
 
 from o3dleaf.core import journal, progress
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.units import measure_in_words
+from o3dleaf.core.units import measure_in_words, tell_count
 from o3dleaf.output.report.charts import Histogram, Mark
 from o3dleaf.output.report.closeups import draw_closeup
 from o3dleaf.output.report.overviews import draw_map, draw_sides, field_colors, scan_colors
@@ -128,7 +128,7 @@ def _defects_table(inspection: Inspection) -> str:
     """Return how many triangles each kind of defect concerns."""
     rows = [
         f'<tr><td><i class="key" style="background:{KINDS[name].color}">&nbsp;</i> {KINDS[name].title}</td>'
-        f"<td>{KINDS[name].text}</td><td>{len(rows_of_kind):,} triangle{'s' * (len(rows_of_kind) > 1)}</td></tr>"
+        f"<td>{KINDS[name].text}</td><td>{tell_count(len(rows_of_kind), 'triangle')}</td></tr>"
         for name, rows_of_kind in inspection.defects.rows().items()
         if len(rows_of_kind)
     ]
@@ -188,9 +188,8 @@ def _lead(inspection: Inspection) -> str:
     report = inspection.report
     kind = "closed" if not report.boundary_edges else f"{report.boundary_edges:,} boundary edges"
     size = measure_in_words(report.extent, report.unit, join=" × ")
-    pieces = "1 piece" if report.components == 1 else f"{report.components:,} pieces"
     known = "" if report.unit else "; the unit of length is not known"
-    return escape(f"{report.triangles:,} triangles in {pieces}, {kind}, {size}{known}")
+    return escape(f"{report.triangles:,} triangles in {tell_count(report.components, 'piece')}, {kind}, {size}{known}")
 
 
 def _footer() -> str:

@@ -14,6 +14,7 @@ from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import MeshLike, mesh_arrays
 from o3dleaf.core.resources.measured import REPORTED_TRIANGLE
 from o3dleaf.core.resources.needs import require_resources
+from o3dleaf.core.units import tell_count
 from o3dleaf.surface.mesh.deviation import Deviation
 from o3dleaf.surface.mesh.measurements import MeshMeasurements
 
@@ -141,7 +142,7 @@ class MeshReport:
 
     def __repr__(self) -> str:
         state = "watertight" if self.watertight else "manifold" if self.manifold else "not manifold"
-        size = f"{self.vertices:,} vertices, {self.triangles:,} triangles in {self.components:,} pieces"
+        size = f"{self.vertices:,} vertices, {self.triangles:,} triangles in {tell_count(self.components, 'piece')}"
         return f"MeshReport({size}, {state}, {self.self_intersections:,} crossing, unit {self.unit})"
 
     def to_dict(self) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, require_triangles
-from o3dleaf.core.units import measure_in_words
+from o3dleaf.core.units import measure_in_words, tell_count
 from o3dleaf.fitting.local.fitter import RefittableFits, ScatteredData
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.pu.single_blend import SingleBlend
@@ -120,13 +120,13 @@ def verdict(followed: Followed, around: Surroundings, mesh: o3d.geometry.Triangl
     if loops is None or not len(loops.perimeter):
         why = "no gap in the data is wide enough for a hole"
         if followed.places:
-            where = f"at {followed.places} place{'s' * (followed.places > 1)}"
+            where = f"at {tell_count(followed.places, 'place')}"
             why = f"{where} it had run on past data that close around them, and was fitted again"
             if around.everywhere:
                 why = f"{where} gaps were closed, half way between what the data have inside and outside"
         return f"the surface is closed: {why}", False
     count, long = len(loops.perimeter), measure_in_words(loops.perimeter.max(), followed.field.unit, digits=3)
-    opened = f"the surface is open: {count} rim{'s' * (count > 1)}, the longest {long} long"
+    opened = f"the surface is open: {tell_count(count, 'rim')}, the longest {long} long"
     if around.everywhere:
         return f"{opened}; its data do not say how it closes there", True
     if around.closing:

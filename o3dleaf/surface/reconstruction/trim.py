@@ -22,6 +22,7 @@ from o3dleaf.core.mesh_arrays import (
 )
 from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_count
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.topology import label_nodes
@@ -256,8 +257,6 @@ def _tell_of_lost(data: OrientedCloud, piece: IntArray, keep: BoolArray, tree: c
         return
     names, counts = np.unique(piece[lost], return_counts=True)
     place = data.points[lost[piece[lost] == names[counts.argmax()]]].mean(axis=0)
-    text = (
-        f"{len(lost):,} points have no surface: {len(names)} piece{'s' * (len(names) > 1)} of too few, the largest of "
-    )
-    text += f"{counts.max()} at {tell_place(place, data.points)}"
+    pieces, at = tell_count(len(names), "piece"), tell_place(place, data.points)
+    text = f"{len(lost):,} points have no surface: {pieces} of too few, the largest of {counts.max()} at {at}"
     journal.tell(text, CloudWarning)

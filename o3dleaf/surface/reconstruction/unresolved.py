@@ -13,6 +13,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_count
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.measure_loops import sum_angles
@@ -125,6 +126,6 @@ def doubts(vertices: FloatArray, triangles: IntArray, data: OrientedCloud) -> li
         place = tell_place(data.points[curvature.argmax()], data.points)
         said.append(
             f"the surface has a hole, a bridge or a break that too few points show, most of all at "
-            f"{place} ({count:,} point{'s' * (count > 1)} in all): parts may be joined or torn there"
+            f"{place} ({tell_count(count, 'point')} in all): parts may be joined or torn there"
         )
     return said

@@ -6,7 +6,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, triangle_areas
 from o3dleaf.core.places import extent, tell_place
-from o3dleaf.core.units import tell_length
+from o3dleaf.core.units import tell_count, tell_length
 from o3dleaf.leaf.chart.flattening.handles import shortest_handle
 from o3dleaf.surface.mesh.topology import (
     BoundaryRings,
@@ -46,9 +46,9 @@ def require_sheet(vertices: FloatArray, triangles: IntArray) -> BoundaryRings:
     handles = (2 - len(rings) - _euler(triangles, edges)) // 2
     if handles:
         loop = vertices[shortest_handle(vertices, triangles, edges, loops)]
-        around = np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).sum()
+        around = tell_length(float(np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).sum()))
         raise ReconstructionError(
-            f"chart: the sheet has {handles} handle(s), the smallest {tell_length(float(around))} around at "
+            f"chart: the sheet has {tell_count(handles, 'handle')}, the smallest {around} around at "
             f"{tell_place(loop.mean(axis=0), used)}, where folds or scan passes touch, and cannot be laid flat; "
             "cut it there, or give it as one sheet",
             loop,

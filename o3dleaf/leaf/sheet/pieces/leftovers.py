@@ -11,7 +11,7 @@ from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.places import middle_of, tell_middle, tell_place
 from o3dleaf.core.trees import query
-from o3dleaf.core.units import tell_length
+from o3dleaf.core.units import tell_count, tell_length
 from o3dleaf.leaf.sheet.layers.widths import Passes
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import thinned
@@ -191,9 +191,9 @@ class Leftovers:
         others = self.groups[SHOWN:]
         if others:
             count = sum(map(len, others))
-            groups, most = len(others), len(others[0])
-            size = f"{groups} group{'s' * (groups > 1)} of {most}{' or fewer' * (most > 1)}"
-            notes.append(f"left out: {count:,} point{'s' * (count > 1)} in {size}")
+            most = len(others[0])
+            size = f"{tell_count(len(others), 'group')} of {most}{' or fewer' * (most > 1)}"
+            notes.append(f"left out: {tell_count(count, 'point')} in {size}")
         return tuple(notes)
 
     def area(self, rows: IntArray) -> float:
@@ -208,7 +208,7 @@ class Leftovers:
     def name(self, rows: IntArray) -> str:
         """Return size and place of a piece, in words."""
         area = tell_length(self.area(rows), 2)
-        points = f"{len(rows):,} point{'s' * (len(rows) > 1)} (area about {area})"
+        points = f"{tell_count(len(rows), 'point')} (area about {area})"
         return f"{points} at {tell_middle(self.scan[rows], self.scan)}"
 
 
@@ -254,11 +254,9 @@ def tell_cuts(cut: FloatArray, flaps: FloatArray, scan: FloatArray) -> tuple[str
     """Return what is to be said of edges cut, middles (c, 3), and of vertices (k, 3) of flaps cut off, on a scan."""
     notes = []
     if len(cut):
-        notes.append(
-            f"cut along {len(cut)} edges around {tell_middle(cut, scan)}, where parts far apart along the sheet touch"
-        )
+        edges, place = tell_count(len(cut), "edge"), tell_middle(cut, scan)
+        notes.append(f"cut along {edges} around {place}, where parts far apart along the sheet touch")
     if len(flaps):
-        notes.append(
-            f"cut off: {len(flaps):,} vertices of layers over the sheet, most around {tell_middle(flaps, scan)}"
-        )
+        count = tell_count(len(flaps), "vertex", "vertices")
+        notes.append(f"cut off: {count} of layers over the sheet, most around {tell_middle(flaps, scan)}")
     return tuple(notes)

@@ -10,7 +10,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, triangle_areas
 from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
-from o3dleaf.core.units import tell_length
+from o3dleaf.core.units import tell_count, tell_length
 from o3dleaf.surface.mesh.topology import EdgeTable, find_holes, label_nodes, label_triangles
 
 GAPS = ((2.0, 1.2, -3.3), (1.7, 2.4, 0.0), (1.5, 4.0, 3.5))
@@ -68,7 +68,7 @@ def _told(sheet: "Sheet", slits: list[IntArray]) -> str:
     each = ", ".join(
         f"{tell_length(sheet.extent(rows))} long at {tell_middle(sheet.middles[rows], sheet.middles)}" for rows in slits
     )
-    return f"rolled up: cut along {len(slits)} gap(s) between margins that hold no points, {each}"
+    return f"rolled up: cut along {tell_count(len(slits), 'gap')} between margins that hold no points, {each}"
 
 
 def _largest(triangles: IntArray, area: FloatArray, without: IntArray) -> BoolArray:

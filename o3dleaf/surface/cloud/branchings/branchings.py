@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_count
 from o3dleaf.surface.cloud.neighbors import IndexArray
 
 NEAREST = 6
@@ -106,7 +107,7 @@ class Branchings:
             on = self.line == number
             at = tell_middle(self.places[on], cloud)
             lines.append(f"{int(np.median(self.sheets[on]))} sheets meet at {at}")
-        counted = f"cut there, {left_out:,} points left out"
+        counted = f"cut there, {tell_count(left_out, 'point')} left out"
         return (*lines[:-1], f"{lines[-1]}; {counted}")
 
 

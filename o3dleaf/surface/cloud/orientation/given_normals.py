@@ -10,6 +10,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import OrientationError
 from o3dleaf.core.even_sample import even_rows
 from o3dleaf.core.places import tell_middle
+from o3dleaf.core.units import tell_count
 from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
 from o3dleaf.surface.cloud.normals import opposed_share, repair_normals
 from o3dleaf.surface.cloud.orientation.contradictions import tell_contradictions
@@ -227,7 +228,8 @@ def _repaired(points: FloatArray, unit: FloatArray, repaired: FloatArray) -> Ori
     if not turned.any():
         return Orientation(repaired, ())
     place = tell_middle(points[turned], points)
-    note = f"{turned.sum()} normals contradicted their neighbors and were flipped, one of them at {place}"
+    count = tell_count(int(turned.sum()), "normal")
+    note = f"flipped to agree with their neighbors: {count}, one of them at {place}"
     return Orientation(repaired, (note,))
 
 
