@@ -8,7 +8,7 @@ from o3dleaf.leaf.sheet.pieces.arms import find_arms
 from o3dleaf.leaf.sheet.pieces.crossing import _part, find_crossing
 from o3dleaf.leaf.sheet.sheet import find_sheet
 from o3dleaf.samples.leaves.crossing import drawn_crossing
-from tolerances import CROSSING_AREA, CROSSING_WRONG, NEARER_WRONG, RESTING_WRONG
+from tolerances import CROSSING_AREA, CROSSING_WRONG, NEARER_WRONG
 
 SAID = "cross around"
 
@@ -47,7 +47,7 @@ def test_of_a_leaf_that_another_one_crosses_in_front_of_both_ends_are_seen():
     pieces = [np.bincount(scan.leaf[rows], minlength=2) for rows in sheet.leftovers.pieces]
     assert sorted(int(piece.argmax()) for piece in pieces) == [0, 0, 1]
     for piece in pieces:
-        assert piece.min() <= RESTING_WRONG * np.bincount(scan.leaf)[piece.argmin()]
+        assert piece.min() <= CROSSING_WRONG * np.bincount(scan.leaf)[piece.argmin()]
 
 
 def test_points_within_the_noise_of_both_are_told_and_many_where_leaves_touch():
