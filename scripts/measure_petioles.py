@@ -4,8 +4,8 @@
 
 Printed are how many petioles are cut off, with the shares of their points and of the blade's that are, and the sizes
 of those that are kept, in spacings and in widths, and whether they are told; with `--narrow` the narrow leaves that
-something is cut off of, or told. With `--strays`, as many points more lie anywhere in the box around each leaf, which
-is as deep as wide.
+something is cut off of, or told. With `--strays`, that share of points more lies anywhere in the box around each leaf,
+made as deep as it is wide.
 """
 
 import argparse

@@ -53,6 +53,23 @@ def pipe(count, spacings=1.5, seed=0):
     return radius[:, np.newaxis] * outward + np.outer(height, [0, 0, 1]), normals
 
 
+def moebius(count, half_width, start=0.0, seed=4):
+    """A strip with one side: its normals are opposite on both sides of the angle `start`."""
+    u, v = np.random.default_rng(seed).uniform([start, -half_width], [start + 2 * np.pi, half_width], (count, 2)).T
+    radius = 1 + v * np.cos(u / 2)
+    points = np.column_stack([radius * np.cos(u), radius * np.sin(u), v * np.sin(u / 2)])
+    along = np.column_stack(
+        [
+            -v / 2 * np.sin(u / 2) * np.cos(u) - radius * np.sin(u),
+            -v / 2 * np.sin(u / 2) * np.sin(u) + radius * np.cos(u),
+            v / 2 * np.cos(u / 2),
+        ]
+    )
+    across = np.column_stack([np.cos(u / 2) * np.cos(u), np.cos(u / 2) * np.sin(u), np.sin(u / 2)])
+    normals = np.cross(along, across)
+    return points, normals / np.linalg.norm(normals, axis=1)[:, np.newaxis]
+
+
 def ground(x, y):
     """Return heights of waves 9 to 44 long, and their slopes along x and y."""
     height = 0.5 * np.sin(x / 6) * np.cos(y / 7) + 0.12 * np.sin(x / 1.5) * np.cos(y / 1.7)

@@ -12,6 +12,7 @@ from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.core.places import extent, tell_middle, tell_place
 from o3dleaf.core.trees import query
+from o3dleaf.core.units import tell_length
 from o3dleaf.surface.cloud.cells import Cells
 from o3dleaf.surface.cloud.neighbors import BLOCK, IndexArray, fit_planes, largest_group, linked
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -51,14 +52,14 @@ def detect_outliers(
     points whose eighth neighbor is `max_ratio` times as far as that of the neighbors themselves, as in Breunig et al.:
     some four spacings off a surface.
 
-    Of both, a surface that is sampled more sparsely stays, also beside a dense one. Its points are linked by their own
-    density, to those of their eight nearest that are within 2.5 times the distance of the nearer one of both
-    eighth neighbors (the graph of mutual neighbors of Brito et al., with a margin), in clusters of 24 or more; and each
-    lies in the plane of the cloud around it, thinned to its own spacing.
+    Of both, a surface that is sampled more sparsely stays, also beside a dense one. Linked by their own density, to
+    those of their eight nearest that are within 2.5 times the nearer eighth neighbor's distance of the two (the graph
+    of mutual neighbors of Brito et al., with a margin), its points are in clusters of 24 or more; and each lies in the
+    plane of the cloud around it, thinned to its own spacing.
 
-    So is clutter: points as sparse as that beside the densest quarter of the cloud
-    which, taken alone, fill space, being about as thick as wide and long around most of them at two scales; a sparse
-    surface, wires and scan lines do not. `std_ratio` adds Open3D's `remove_statistical_outlier`.
+    Clutter is outliers, too: points as sparse as that beside the densest quarter of the cloud which, taken alone, fill
+    space, being about as thick as wide and long around most of them at two scales; a sparse surface, wires and scan
+    lines do not. `std_ratio` adds Open3D's `remove_statistical_outlier`.
 
     Parameters
     ----------
@@ -125,7 +126,7 @@ def tell_outliers(cloud: OrientedCloud, outlier: npt.NDArray[np.bool_]) -> str:
     group = largest_group(strays, MAX_GAP * usual)
     if len(group) == 1:
         return f"the outliers are apart from one another, one of them at {tell_place(group[0], cloud.points)}"
-    size, place = f"{extent(group):.3g}", tell_middle(group, cloud.points)
+    size, place = tell_length(extent(group)), tell_middle(group, cloud.points)
     return f"the largest group of outliers has {len(group):,} points, is {size} long, and at {place}"
 
 

@@ -6,8 +6,6 @@ from o3dleaf.leaf.margin.gaps.sample_gaps import open_gaps
 from o3dleaf.leaf.margin.sample_triangles import components_of, triangulate
 
 MIDDLE, HALF = 12, 2.0
-
-
 BOX = np.array([[MIDDLE - 1.5, 8.0], [MIDDLE + 1.5, 23.0]])
 
 

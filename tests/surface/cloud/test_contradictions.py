@@ -5,26 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from cloud_shapes import block, slab, sphere, torus
+from cloud_shapes import block, moebius, slab, sphere, torus
 from o3dleaf import OrientedCloud, preprocess_point_cloud, samples
 from o3dleaf.surface.cloud.orientation.contradictions import find_contradicted
-
-
-def moebius(count, half_width, start=0.0):
-    """Return a strip and its normals, which are opposite on both sides of the angle `start`."""
-    u, v = np.random.default_rng(4).uniform([start, -half_width], [start + 2 * np.pi, half_width], (count, 2)).T
-    radius = 1 + v * np.cos(u / 2)
-    points = np.column_stack([radius * np.cos(u), radius * np.sin(u), v * np.sin(u / 2)])
-    along = np.column_stack(
-        [
-            -v / 2 * np.sin(u / 2) * np.cos(u) - radius * np.sin(u),
-            -v / 2 * np.sin(u / 2) * np.sin(u) + radius * np.cos(u),
-            v / 2 * np.cos(u / 2),
-        ]
-    )
-    across = np.column_stack([np.cos(u / 2) * np.cos(u), np.cos(u / 2) * np.sin(u), np.sin(u / 2)])
-    normals = np.cross(along, across)
-    return points, normals / np.linalg.norm(normals, axis=1)[:, np.newaxis]
 
 
 def told(points, normals):

@@ -3,7 +3,7 @@ import open3d as o3d
 import pytest
 from scipy.spatial import cKDTree
 
-from cloud_shapes import block, pipe, slab, sphere, torus
+from cloud_shapes import block, moebius, pipe, slab, sphere, torus
 from o3dleaf import (
     OrientedCloud,
     create_from_point_cloud_rbfpu,
@@ -38,12 +38,6 @@ def noisy(points, share, seed=3):
 
 def right(found, true):
     return np.mean(np.einsum("ij,ij->i", found, true) > 0)
-
-
-def moebius(count, half_width):
-    u, v = np.random.default_rng(4).uniform([0, -half_width], [2 * np.pi, half_width], (count, 2)).T
-    radius = 1 + v * np.cos(u / 2)
-    return np.column_stack([radius * np.cos(u), radius * np.sin(u), v * np.sin(u / 2)])
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -98,7 +92,7 @@ def test_an_open_sheet_has_one_side_and_a_note():
 
 @pytest.mark.parametrize(("half_width", "share"), [(0.1, 0.0), (0.25, 0.0), (0.25, 0.005)])
 def test_a_one_sided_sheet_is_cut_across_and_has_two_sides_then(half_width, share):
-    points = noisy(moebius(5000, half_width), share)
+    points = noisy(moebius(5000, half_width)[0], share)
     cloud = preprocess_point_cloud(points, outliers=None)
     assert cloud.removed.cut == len(points) - len(cloud)
     assert 0 < cloud.removed.cut < CUT_SHARE * len(points)
@@ -128,7 +122,7 @@ def test_of_sheets_that_branch_each_has_one_side(angles):
 
 def test_a_one_sided_sheet_has_a_surface():
     with pytest.warns(CloudWarning, match="cut out there"):
-        mesh, _ = create_from_point_cloud_rbfpu(moebius(2500, 0.25))
+        mesh, _ = create_from_point_cloud_rbfpu(moebius(2500, 0.25)[0])
     assert mesh.is_orientable()
     assert mesh.get_surface_area() == pytest.approx(np.pi, rel=0.15)
 
