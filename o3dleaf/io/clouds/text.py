@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ DECIMAL_COMMAS = re.compile(r"\d,\d+\s+[+-]?\d+,\d")
 
 MIN_COUNTED = 10
 """Lines that a column counts, at least: of fewer points any coordinate may."""
+ASKED, UNIT = 100, 0.01
+"""Points from the first on of which normals are known by their length, and what of it roundings may take."""
 
 
 def read_text(file: Path, columns: str | Sequence[str] | None = None) -> Columns:
@@ -25,8 +28,9 @@ def read_text(file: Path, columns: str | Sequence[str] | None = None) -> Columns
 
     A header names the columns, in a line of its own or in a comment: x, y, z; nx, ny, nz; r, g, b or red, green, blue;
     others, such as intensity, are not read. Without a header the first three columns are x, y and z, and no other is
-    guessed at. A first column that only counts the lines, and that no name is meant for, is left out and told. Comments
-    begin with # or //. A unit beside a name is not looked at: coordinates come as they stand.
+    guessed at; three more that are unit vectors, as normals are, are told. A first column that only counts the lines,
+    and that no name is meant for, is left out and told. Comments begin with # or //. A unit beside a name is not looked
+    at: coordinates come as they stand.
 
     Parameters
     ----------
@@ -66,17 +70,43 @@ def read_columns(file: Path, names: str) -> Columns:
 
 def _without_counter(file: Path, names: str | None, found: Columns) -> Columns:
     """Return the columns of a file, all one further on where the first one counts the lines and has no name."""
-    if not _is_counter(found.points):
-        return found
     head = read_head(file, names)
-    if head.unnamed == 0 or head.columns["x"] != 0:
-        return found
-    journal.tell(
-        f"{file}: the first of its columns counts the points and is left out: x, y and z are the next three; "
-        "if it is x, name the columns, as 'x y z'",
-        DataWarning,
-    )
-    return _columns(file, head.one_further())
+    if head.unnamed and head.columns["x"] == 0 and _is_counter(found.points):
+        journal.tell(
+            f"{file}: the first of its columns counts the points and is left out: x, y and z are the next three; "
+            "if it is x, name the columns, as 'x y z'",
+            DataWarning,
+        )
+        head = head.one_further()
+        found = _columns(file, head)
+    if found.normals is None and (names := _unread_normals(file, head)):
+        journal.tell(
+            f"{file}: no normals are read, though three more of its columns are unit vectors, as normals are; if they "
+            f"are, name the columns, as '{names}'",
+            DataWarning,
+        )
+    return found
+
+
+def _unread_normals(file: Path, head: TextHead) -> str:
+    """Return names of the columns of a file of which three that have none are unit vectors; empty where none are."""
+    count, first = head.unnamed + len(head.columns), 1 + max(head.columns.values())
+    if head.unnamed < len(GROUPS["normals"]):
+        return ""
+    try:
+        rows = _read(file, head, list(range(count)), ASKED)
+    except ValueError:  # words, or lines of different lengths
+        return ""
+    for start in range(first, count - 2):
+        if np.all(np.abs(np.linalg.norm(rows[:, start : start + 3], axis=1) - 1) <= UNIT):
+            return " ".join(_in_order(head.columns | dict(zip(GROUPS["normals"], range(start, start + 3), strict=True))))
+    return ""
+
+
+def _in_order(columns: dict[str, int]) -> list[str]:
+    """Return names by their places, - where there is none."""
+    names = {place: name for name, place in columns.items()}
+    return [names.get(place, "-") for place in range(1 + max(names))]
 
 
 def _is_counter(points: FloatArray) -> bool:
@@ -107,10 +137,12 @@ def _columns(file: Path, head: TextHead) -> Columns:
     return Columns(**parts)
 
 
-def _read(file: Path, head: TextHead, used: list[int]) -> FloatArray:
-    """Return the columns `used` of all lines with points, (n, len(used))."""
+def _read(file: Path, head: TextHead, used: list[int], most: int | None = None) -> FloatArray:
+    """Return the columns `used` of lines with points, (n, len(used)): of all, or of at most so many."""
     lines = (head.numbers(line) for number, line in lines_of(file) if number > head.skipped)
-    rows = np.loadtxt(lines, delimiter=head.separator, comments=None, usecols=used, ndmin=2, dtype=np.float64)
+    rows = np.loadtxt(
+        islice(lines, most), delimiter=head.separator, comments=None, usecols=used, ndmin=2, dtype=np.float64
+    )
     return np.asarray(rows)
 
 

@@ -52,10 +52,30 @@ def test_columns_that_are_asked_for_go_before_the_header(tmp_path):
     "head", ["", "# exported today\n", "Leaf no 3, of Monday\n", "7\n", "// a\n# b\n\n", "# x is up\n"]
 )
 def test_without_names_the_first_three_are_coordinates_and_no_more_is_guessed(tmp_path, head):
-    cloud = read_point_cloud(written(tmp_path, head + rows(ALL[:, :6])))
+    cloud = read_point_cloud(written(tmp_path, head + rows(ALL[:, [0, 1, 2, 6, 7, 8]])))
     assert np.array_equal(cloud.points, POINTS)
     assert not cloud.has_normals()
     assert not cloud.has_colors()
+
+
+@pytest.mark.parametrize("name", ["scan.txt", "scan.xyz"])
+@pytest.mark.parametrize(
+    ("order", "names"),
+    [([0, 1, 2, 3, 4, 5], "x y z nx ny nz"), ([0, 1, 2, 9, 3, 4, 5, 6], "x y z - nx ny nz")],
+)
+def test_unit_vectors_without_names_are_told_and_read_by_the_names_that_are_told(tmp_path, name, order, names):
+    file = written(tmp_path, "# exported today\n" + rows(ALL[:, order]), name)
+    with pytest.warns(DataWarning, match=f"unit vectors, .* name the columns, as '{names}'"):
+        cloud = read_point_cloud(file)
+    assert not cloud.has_normals()
+    assert np.array_equal(read_point_cloud(file, columns=names).normals, NORMALS)
+
+
+@pytest.mark.parametrize("scale", [0.98, 1.02])
+@pytest.mark.filterwarnings("error::o3dleaf.core.errors.DataWarning")
+def test_columns_of_another_length_than_one_are_no_normals(tmp_path, scale):
+    cloud = read_point_cloud(written(tmp_path, rows(np.hstack([POINTS, scale * NORMALS]))))
+    assert not cloud.has_normals()
 
 
 MORE = np.random.default_rng(2).uniform(-900, 900, (12, 3))
