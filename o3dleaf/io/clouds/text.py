@@ -99,7 +99,8 @@ def _unread_normals(file: Path, head: TextHead) -> str:
         return ""
     for start in range(first, count - 2):
         if np.all(np.abs(np.linalg.norm(rows[:, start : start + 3], axis=1) - 1) <= UNIT):
-            return " ".join(_in_order(head.columns | dict(zip(GROUPS["normals"], range(start, start + 3), strict=True))))
+            normals = {name: start + place for place, name in enumerate(GROUPS["normals"])}
+            return " ".join(_in_order(head.columns | normals))
     return ""
 
 
