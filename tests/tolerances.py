@@ -1372,6 +1372,9 @@ CREASES_MISSED = {"octree": 0.06, "lattice": 0.05}
 """Share of the creases that is farther from the mesh: found 0.037 and 0.027, beside corners and where an edge is
 crossed twice; 0.12 of leaves with the shorter diagonals; 0.79 and 0.12 with planes through points off the surface."""
 
+SPARSE_SPACING = 0.5
+"""Of the spacing of a sparse region, points in it beside one 20 to 400 times as dense."""
+
 UNEVEN_SURFACE = 0.007
 """Of the spacing around, middles of a ball's triangles: 0.0013 where it is dense and 0.0043 beside that; of one
 lattice in the steps of most of the area 0.01 where it is dense."""

@@ -24,10 +24,11 @@ LINKED = 8
 BLOCK = 4096
 BATCH_SIZE = 1 << 18
 """Points whose neighbors are searched at once."""
-STEP = 3.0
-"""Spacing of a point over its neighbors' above which density steps there, by 9: means of noisy points reach 2."""
-FEWEST = 4
-"""Points that count another among their neighbors, for these to be no strays."""
+STEP = 2.0
+"""Spacing of those that count a point among their neighbors over that of its own neighbors above which density steps
+there, by 4: of even random points, noisy or not, it reaches 1.8."""
+FEWEST = 2
+"""Points that count another among their neighbors, for these to be no strays: of two strays each counts the other."""
 CLASSES = 4
 """Classes of spacing to an octave: within one spacings differ by a fifth at most."""
 
@@ -125,27 +126,33 @@ def smooth_spacings(near: Neighborhoods) -> FloatArray:
     run_blocks(mean, len(first), BLOCK)
     if not spacing.min() > 0:
         raise InputError(f"cloud: {SPACED + 1} points lie in one place; remove duplicates")
-    _raise_beside_dense_data(spacing, first, near.row[:, 1 : SPACED + 1])
+    _raise_beside_dense_data(spacing, first, near.row[:, : SPACED + 1])
     return spacing
 
 
 def _raise_beside_dense_data(spacing: FloatArray, first: FloatArray, row: IndexArray) -> None:
-    """Give points of a sparse region beside a dense one the spacing of that region, in place.
+    """Give points of a sparse region beside a dense one the spacing of those that count them as neighbors, in place.
 
-    Most of their neighbors are dense, and so the medians are. Points that count one among their neighbors are of its
-    own region, for dense ones have nearer neighbors; of a stray there are none.
+    Most of their own neighbors are dense, and so the medians over `row` (n, 13) are. But dense points have nearer
+    neighbors than them, so that those which count one of them, itself among them, are of its own region.
     """
-    raised = first > STEP * spacing
-    if not raised.any():
+    asked = np.zeros(len(first), dtype=bool)
+
+    def ask(start: int, stop: int) -> None:
+        near = row[start:stop]
+        asked[near[first[start:stop, np.newaxis] > STEP * spacing[near]]] = True
+
+    run_blocks(ask, len(first), BLOCK)
+    if not asked.any():
         return
-    by, column = np.nonzero(raised[row])
+    by, column = np.nonzero(asked[row])
     of = row[by, column]
     order = np.lexsort((first[by], of))
     by, of = by[order], of[order]
     point, start, count = np.unique(of, return_index=True, return_counts=True)
-    known = count >= FEWEST
-    point, middle = point[known], (start + count // 2)[known]
-    spacing[point] = np.maximum(spacing[point], first[by[middle]])
+    middle = first[by[start + count // 2]]
+    sparse = (middle > STEP * spacing[point]) & (count > FEWEST)
+    spacing[point[sparse]] = middle[sparse]
 
 
 def spacing_classes(points: FloatArray, spacing: FloatArray) -> tuple[SpacingClass, ...]:

@@ -1,13 +1,14 @@
 """Clouds whose density differs much: each part of the surface in steps of its own spacing, closed or open as it is."""
 
 import numpy as np
+import pytest
 from scipy.spatial import cKDTree
 
 from cloud_shapes import scanned_ground
 from o3dleaf import create_from_point_cloud_rbfpu, mesh_report, samples
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.mesh.topology import find_holes
+from o3dleaf.surface.mesh.topology import EdgeTable, find_holes
 from o3dleaf.surface.reconstruction.extract import PER_POINT, finest_spacing, is_uneven, mesh_step
 from tolerances import UNEVEN_SURFACE
 
@@ -68,6 +69,36 @@ def test_a_gap_in_an_uneven_cloud_is_closed_where_that_is_asked_for():
     assert closed.genus == 0
     assert opened.boundary_edges > 0
     assert opened.manifold
+
+
+def test_a_closed_solid_stays_closed_where_density_steps_by_twenty():
+    """Its sparse points beside dense ones, taken to be as close as those, left 248 edges of rims."""
+    points, normals = samples.gap().sample(40_000)
+    ball = np.linalg.norm(points - points[1], axis=1) < 0.25 * np.ptp(points[:, 0])
+    kept = ball | (np.random.default_rng([1, 7]).random(len(points)) < 1 / 20)
+    cloud = OrientedCloud.of(points[kept], normals[kept])
+    mesh, _ = create_from_point_cloud_rbfpu(cloud, prepare=OrientedCloud.of, measure=None)
+    report = mesh_report(mesh)
+    assert (report.components, report.genus, report.boundary_edges) == (1, 0, 0)
+
+
+@pytest.mark.parametrize("ratio", [1, 20])
+def test_a_hole_of_six_spacings_across_a_step_of_density_stays_open(ratio):
+    """Its rim is where the data end, to the spacing of each side."""
+    rng = np.random.default_rng(9)
+    flat = rng.uniform(-1, 1, (600 * ratio, 2))
+    flat = flat[(flat[:, 0] < 0) | (rng.random(len(flat)) < 1 / ratio)]
+    own = 2 / np.sqrt(600)
+    flat = flat[np.linalg.norm(flat, axis=1) > 6 * own]
+    normals = np.broadcast_to([0.0, 0.0, 1.0], (len(flat), 3))
+    cloud = OrientedCloud.of(np.column_stack([flat, np.zeros(len(flat))]), normals)
+    mesh, _ = create_from_point_cloud_rbfpu(cloud, prepare=OrientedCloud.of, measure=None)
+    vertices, triangles = mesh_arrays(mesh)
+    edges = EdgeTable.of(triangles)
+    rim = np.linalg.norm(vertices[np.unique(edges.ends[edges.count == 1])], axis=1)
+    hole = rim[rim < 0.9]
+    assert len(find_holes(vertices, triangles).perimeter) == 2
+    assert np.all(np.abs(hole / own - 6) < 2)
 
 
 def test_terrain_with_a_dense_patch_has_one_rim_and_faces_up():
