@@ -69,7 +69,7 @@ def sections_along(points: FloatArray, cells: FloatArray, distance: FloatArray, 
     scatter = np.stack([_smooth(column) for column in _sums(station, products, count).T], axis=1).reshape(-1, 3, 3)
     # Each station's own middle takes one point's freedom.
     free = _smooth(np.maximum(held - 1, 0).astype(np.float64))
-    variance = np.linalg.eigvalsh(scatter / np.maximum(free, 1e-3)[:, np.newaxis, np.newaxis])
+    variance = np.asarray(np.linalg.eigvalsh(scatter / np.maximum(free, 1e-3)[:, np.newaxis, np.newaxis]), np.float64)
     variance = _filled(variance, free) if free.any() else variance
     width = np.sqrt(12 * np.maximum(variance[:, 2] - noise**2, 0))
     depth = np.sqrt(12 * np.maximum(variance[:, 1] - 2 * noise**2, 0))
