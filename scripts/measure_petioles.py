@@ -1,11 +1,12 @@
 """Petioles of known size, seen whole or from one side, and narrow leaves without one: which are found and cut off.
 
-    python scripts/measure_petioles.py [--narrow] [--strays SHARE] [--held-out] [NUMBER ...]
+    python scripts/measure_petioles.py [--narrow] [--strays SHARE] [--thinned SHARE] [--held-out] [NUMBER ...]
 
 Printed are how many petioles are cut off, with the shares of their points and of the blade's that are, and the sizes
 of those that are kept, in spacings and in widths, and whether they are told; with `--narrow` the narrow leaves that
 something is cut off of, or told. With `--strays`, that share of points more lies anywhere in the box around each leaf,
-made as deep as it is wide.
+made as deep as it is wide. With `--thinned`, the petiole is seen worse the farther from the blade: of its points at its
+end that share is left.
 """
 
 import argparse
@@ -25,8 +26,11 @@ NOISES = (0.0, 0.1, 0.3, 0.5)
 NARROW = {"twisted": (160, 240), "winding": (60, 140), "wavy": (60, 140), "curled": (60, 120)}
 
 
-def draw_petiole(number, *, held_out=False):
-    """Return points of a leaf whose blade is arched, which of them are its petiole's, and the sizes that were drawn."""
+def draw_petiole(number, *, thinned=1.0, held_out=False):
+    """Return points of a leaf whose blade is arched, which of them are its petiole's, and the sizes that were drawn.
+
+    Of the petiole's points the share that is left falls to `thinned` at its end.
+    """
     rng = np.random.default_rng((21000 if held_out else 500) + number)
     width, ratio, diameter = rng.uniform(15, 60), rng.uniform(1.2, 3.0), rng.uniform(1.0, 4.0)
     length, spacing = rng.uniform(0.3, 1.5) * width, rng.uniform(0.3, 1.0)
@@ -46,6 +50,8 @@ def draw_petiole(number, *, held_out=False):
     blade = leaf.lift(draw_places(leaf, spacing, "random", rng))
     points = np.concatenate([blade, stalk])
     points += rng.normal(0, noise, points.shape)
+    left = np.random.default_rng(number).random(count) < 1 - (1 - thinned) * np.maximum(-down, 0) / length
+    points = np.concatenate([points[: len(blade)], points[len(blade) :][left]])
     drawn = {"arc": arc, "diameter": diameter, "length": length, "width": width, "spacing": spacing, "noise": noise}
     return points, np.arange(len(points)) >= len(blade), drawn
 
@@ -90,6 +96,7 @@ if __name__ == "__main__":
     parser.add_argument("numbers", metavar="NUMBER", type=int, nargs="*")
     parser.add_argument("--narrow", action="store_true", help="narrow leaves without a petiole")
     parser.add_argument("--strays", metavar="SHARE", type=float, default=0.0, help="of the points, that lie anywhere")
+    parser.add_argument("--thinned", metavar="SHARE", type=float, default=1.0, help="of a petiole's points at its end")
     parser.add_argument("--held-out", action="store_true", help="other leaves, to be run once, at the end")
     options = parser.parse_args()
     if options.narrow:
@@ -107,7 +114,7 @@ if __name__ == "__main__":
     else:
         shares, lines = [], 0
         for number in options.numbers or range(60):
-            points, is_stalk, drawn = draw_petiole(number, held_out=options.held_out)
+            points, is_stalk, drawn = draw_petiole(number, thinned=options.thinned, held_out=options.held_out)
             kept, petiole, told = found_in(add_strays(points, options.strays, number))
             kept = kept[: len(points)]
             if petiole is None:

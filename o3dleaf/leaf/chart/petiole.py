@@ -31,6 +31,8 @@ COMMON = 0.25
 """Of its distance from the middle of the leaf, that an end has its way in common with others, at most."""
 LARGEST = 3.0
 """Area of what is cut off over that of a tube as long and as wide, at most: a stub of the stem is as large again."""
+FEW = "too few points tell a petiole from a shred of the margin"
+"""Why a narrow part is kept that is too short, flat or narrow."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,8 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
     The leaf is cut into sections at equal distance from one of its ends; a petiole is a stretch of them that is
     narrow against the widest, long against itself, and does not taper to the end as a tip does; and no two other ends
     of the leaf look like it, as lobes do. It ends at the plane across it from which on its sections widen. One that is
-    too short or flat, or too few points wide, is kept and told, but for the tips of narrow leaves.
+    too short or flat, or too few points wide, or with which more would be cut off than a stalk and a stub, is kept and
+    told, but for the tips of narrow leaves.
 
     Parameters
     ----------
@@ -89,12 +92,10 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
         Standard deviation of the points across the surface.
     """
     blade, found = np.ones(len(points), dtype=bool), None
-    unsure: list[tuple[StalkStretch, int]] = []
+    unsure: list[tuple[StalkStretch, int, str]] = []
     if len(points) < FEWEST:
         return blade, found, ()
-    some = usable_rows(points, OUTLIERS)  # a stray beside a petiole widens its sections, and may be an end itself
-    if len(some) > MAX_POINTS:
-        some = np.sort(np.random.default_rng(0).permutation(some)[:MAX_POINTS])
+    some = _rows_looked_at(points)
     ways = PointWays(points[some])
     coarse = float(np.sqrt(np.median(ways.cells)))
     spacing = coarse * float(np.sqrt(len(some) / len(points)))
@@ -112,29 +113,45 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
         is_narrow = sections.is_narrow_from(stretch.last)
         if junction is None or (is_narrow and junction.width < RESOLVED * spacing):
             if not is_narrow and not is_one_of_several(ways, distance <= stretch.last, distance, noise):
-                unsure.append((stretch, end))
+                unsure.append((stretch, end, FEW))
             continue
         outside = junction.outside(points, each)
         cut = outside[some[ways.rows]]
         petiole = _measure(ways, cut, distance, junction, end)
-        if petiole.area > LARGEST * np.pi * petiole.width * petiole.length:
-            continue
         if is_one_of_several(ways, cut, distance, noise):
+            continue
+        tube = np.pi * petiole.width * petiole.length
+        if petiole.area > LARGEST * tube:
+            if not is_narrow:
+                unsure.append(
+                    (stretch, end, f"with it {petiole.area / tube:.2g} times the area of such a tube would go")
+                )
             continue
         if found is None or petiole.length / petiole.width > found.length / found.width:
             blade, found = ~outside, petiole
     return blade, found, () if found is not None else _tell_unsure(ways, unsure)
 
 
-def _tell_unsure(ways: PointWays, unsure: list[tuple[StalkStretch, int]]) -> tuple[str, ...]:
-    """Return a line on the longest of some stretches, each with its end, that may be a petiole."""
+def _rows_looked_at(points: FloatArray) -> IntArray:
+    """Return the rows, rising, of the points among which a petiole is looked for.
+
+    None that lie apart: a stray beside a petiole widens its sections, and may be an end itself.
+    """
+    some = usable_rows(points, OUTLIERS)
+    if len(some) <= MAX_POINTS:
+        return some
+    return np.sort(np.random.default_rng(0).permutation(some)[:MAX_POINTS])
+
+
+def _tell_unsure(ways: PointWays, unsure: list[tuple[StalkStretch, int, str]]) -> tuple[str, ...]:
+    """Return a line on the longest of some stretches, each with its end and why it is kept, that may be a petiole."""
     if not unsure:
         return ()
-    stretch, end = max(unsure, key=lambda each: each[0].length)
+    stretch, end, why = max(unsure, key=lambda each: each[0].length)
     size = f"about {tell_length(stretch.length)} long and {tell_length(stretch.width)} wide"
     at = tell_place(ways.points[end], ways.points)
     said = f"a narrow part, {size}, is kept as blade, its end at {at}"
-    return (f"{said}: too few points tell a petiole from a shred of the margin; cut it off if it is one",)
+    return (f"{said}: {why}; cut it off if it is one",)
 
 
 def _nearest(points: FloatArray, some: IntArray, ways: PointWays) -> tuple[IntArray, BoolArray]:

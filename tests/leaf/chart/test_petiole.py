@@ -6,6 +6,7 @@ import shapely
 import shapely.affinity
 
 from o3dleaf import samples
+from o3dleaf.leaf.chart import petiole as petiole_module
 from o3dleaf.leaf.chart.petiole import find_petiole
 from o3dleaf.leaf.chart.stalk.lobes import COMMON
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
@@ -41,6 +42,19 @@ def test_sections_of_a_bar_are_as_wide_and_deep_as_the_bar(width, depth):
 def test_sections_of_a_single_point_are_no_width():
     sections = sections_along(np.ones((1, 3)), np.ones(1), np.zeros(1), 0.1)
     assert (sections.width == 0).all()
+
+
+def test_a_chain_of_single_points_is_as_wide_as_the_sections_beside_it():
+    """Each of its stations holds one point, which says nothing of the width: they do not taper to the end."""
+    bar = np.random.default_rng(0).uniform([20, 0, 0], [40, 2, 1], (10_000, 3))
+    chain = np.column_stack([np.arange(0.0, 20.0, 2.0), np.tile([0.1, 1.9], 5), np.full(10, 0.5)])
+    points = np.concatenate([chain, bar])
+    sections = sections_along(points, np.full(len(points), 0.01), points[:, 0], 0.0)
+    alone = sections.free == 0
+    assert alone.sum() > 10
+    assert (sections.width[alone] == sections.width[~alone][0]).all()
+    assert (sections.depth[alone] == sections.depth[~alone][0]).all()
+    assert sections.width[~alone][0] > 1.5
 
 
 @pytest.mark.parametrize("ratio", [1.0, 4.0, 16.0])
@@ -137,6 +151,16 @@ def test_what_may_be_a_petiole_is_kept_and_told_with_its_size_and_place(arc, dia
     # Found where it is curled, and wide enough.
     blade, stalk = seen(180, 2.0, length, 0.4, 0.0)
     assert find_petiole(np.concatenate([blade, stalk]))[2] == ()
+
+
+def test_a_petiole_with_which_too_much_would_be_cut_off_is_kept_and_told(monkeypatch):
+    """Here, what is more than half such a tube is too much."""
+    points = bent(drawn(stalked(stub=20.0), 0.5, seed=1))
+    monkeypatch.setattr(petiole_module, "LARGEST", 0.5)
+    kept, petiole, (told,) = find_petiole(points)
+    assert kept.all()
+    assert petiole is None
+    assert re.search(r"narrow part, about [\d.]+ long and [\d.]+ wide, .*: with it [\d.]+ times the area", told)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -29,15 +29,16 @@ class Sections(NamedTuple):
         The same across it, without twice the noise's variance: of few points the lesser is off by as much.
     area : (k,) ndarray
         Up to the end of each station.
-    held : (k,) ndarray of int64
-        Points of each station.
+    free : (k,) ndarray
+        Degrees of freedom of each station's scatter: its points but one, smoothed. Of a station without, as where
+        single points follow each other, width and depth are those between its neighbors'.
     """
 
     step: float
     width: FloatArray
     depth: FloatArray
     area: FloatArray
-    held: IntArray
+    free: FloatArray
 
     def is_narrow_from(self, distance: float) -> bool:
         """Return whether the leaf beyond a stalk is narrow, so that it tapers over many widths of its tip."""
@@ -59,7 +60,7 @@ def sections_along(points: FloatArray, cells: FloatArray, distance: FloatArray, 
     share = distance / max(reach, np.finfo(float).tiny)  # of a single point nothing is far
     station = np.minimum((share * count).astype(np.int64), count - 1)
     held = np.bincount(station, minlength=count)
-    middle = _filled(_sums(station, points, count), held)
+    middle = _filled(_sums(station, points, count) / np.maximum(held, 1)[:, np.newaxis], held)
     way = np.gradient(np.stack([_smooth(column) for column in middle.T], axis=1), axis=0)
     way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), np.finfo(float).tiny)
     off = points - middle[station]
@@ -68,22 +69,21 @@ def sections_along(points: FloatArray, cells: FloatArray, distance: FloatArray, 
     scatter = np.stack([_smooth(column) for column in _sums(station, products, count).T], axis=1).reshape(-1, 3, 3)
     # Each station's own middle takes one point's freedom.
     free = _smooth(np.maximum(held - 1, 0).astype(np.float64))
-    variance = np.linalg.eigvalsh(scatter / np.maximum(free, 1e-3)[:, np.newaxis, np.newaxis])
+    variance = np.asarray(np.linalg.eigvalsh(scatter / np.maximum(free, 1e-3)[:, np.newaxis, np.newaxis]), np.float64)
+    variance = _filled(variance, free) if free.any() else variance
     width = np.sqrt(12 * np.maximum(variance[:, 2] - noise**2, 0))
     depth = np.sqrt(12 * np.maximum(variance[:, 1] - 2 * noise**2, 0))
-    return Sections(reach / count, width, depth, np.cumsum(np.bincount(station, cells, count)), held)
+    return Sections(reach / count, width, depth, np.cumsum(np.bincount(station, cells, count)), free)
 
 
 def _sums(station: IntArray, values: FloatArray, count: int) -> FloatArray:
     return np.stack([np.bincount(station, column, count) for column in values.T], axis=1)
 
 
-def _filled(sums: FloatArray, held: IntArray) -> FloatArray:
-    """Return the means (k, 3) of stations, of those without points between their neighbors'."""
-    known = np.flatnonzero(held)
-    means = sums[known] / held[known, np.newaxis]
-    at = np.arange(len(held))
-    return np.stack([np.interp(at, known, column) for column in means.T], axis=1)
+def _filled(values: FloatArray, held: FloatArray | IntArray) -> FloatArray:
+    """Return the values (k, 3) of stations, of those that hold nothing between their neighbors'."""
+    known, at = np.flatnonzero(held), np.arange(len(held))
+    return np.stack([np.interp(at, known, column) for column in values[known].T], axis=1)
 
 
 def _smooth(values: FloatArray) -> FloatArray:

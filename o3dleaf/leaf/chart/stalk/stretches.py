@@ -5,7 +5,6 @@ from typing import NamedTuple
 import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.chart.stalk.sections import Sections
 
 NARROW = 0.25
@@ -28,8 +27,8 @@ SLENDER_FLAT = 12.0
 """Times its width from which a flat stalk may be as short as a curled one: of a broad leaf few are as long as it is
 wide, and of one seen from one side, a few points wide, the noise hides the depth."""
 ERRORS = 2.0
-"""Of its outer third's width, 1/√(2n) of it of n points, within which one that is slender or curled may be a stalk that
-does not taper."""
+"""Of its outer third's width, 1/√(2n) of it of n degrees of freedom, within which one that is slender or curled may be
+a stalk that does not taper."""
 ROUND = 0.27
 """Depth of a section over its width from which it counts as curled: 0.28 an arc of 120°, what a scanner on one side
 sees of a tube up to 30° from grazing; 0.34 an arc of 150°, 0.44 half a tube, 1 all."""
@@ -69,7 +68,7 @@ def find_stretch(sections: Sections) -> StalkStretch | None:
         unflared = np.flatnonzero(width[first:last] <= FLARE * usual)
         stretch = slice(first, first + int(unflared[-1]) + 1)
         length = (stretch.stop - first) * sections.step
-        steady, error = (np.inf, 0.0) if first else _steadiness(width[stretch], sections.held[stretch])
+        steady, error = (np.inf, 0.0) if first else _steadiness(width[stretch], sections.free[stretch])
         slender = length >= (SLENDER_NECK if first else SLENDER) * usual
         deep = float(np.median(sections.depth[stretch])) >= ROUND * usual
         may_be_short = deep or length >= SLENDER_FLAT * usual
@@ -83,14 +82,14 @@ def find_stretch(sections: Sections) -> StalkStretch | None:
     return unsure
 
 
-def _steadiness(width: FloatArray, held: IntArray) -> tuple[float, float]:
+def _steadiness(width: FloatArray, free: FloatArray) -> tuple[float, float]:
     """Return a ratio below 1 where sections from an end on taper towards it, as a tip or a lobe does, and its error.
 
-    Of widths (k,) and numbers of points (k,).
+    Of widths (k,) and their degrees of freedom (k,).
     """
     third = len(width) // 3
     ends = max(1, third)
     outer = float(width[:ends].mean())
     within = max(STEADY * float(width[-ends:].mean()), BULGE * float(width[third : len(width) - third].mean()))
     ratio = outer / within if within else np.inf
-    return ratio, ratio / float(np.sqrt(2 * max(1, held[:ends].sum())))
+    return ratio, ratio / float(np.sqrt(2 * max(1.0, free[:ends].sum())))
