@@ -2,6 +2,8 @@
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
@@ -47,8 +49,8 @@ def detect_outliers(
 ) -> npt.NDArray[np.bool_]:
     """Return which points of a cloud (n,) belong to no surface.
 
-    Points are linked to those of their eight nearest that are within `max_gap` times the median distance of an eighth
-    neighbor; clusters of fewer than 24 points are outliers, however far apart, unless nothing larger is there. So are
+    Points are linked to those within `max_gap` times the median distance of an eighth neighbor; clusters of fewer than
+    24 points are outliers, however far apart, unless nothing larger is there. So are
     points whose eighth neighbor is `max_ratio` times as far as that of the neighbors themselves, as in Breunig et al.:
     some four spacings off a surface.
 
@@ -105,7 +107,8 @@ def detect_outliers(
             return clutter
         row = np.ascontiguousarray(near.row[:, 1 : NEIGHBORS + 1])
         far = distance[:, -1]
-        outlier = _in_small_clusters(distance, row, max_gap * np.median(far)) | _are_isolated(far, row, max_ratio)
+        cluster = _clusters(cloud, distance, row, max_gap * float(np.median(far)))
+        outlier = _are_small(cluster) | _are_isolated(far, row, max_ratio)
         outlier[outlier] = ~_are_sparse_sheets(cloud.points, distance, row, outlier)
         if np.isfinite(std_ratio):
             mean = near.distance[:, :NEIGHBORS].mean(axis=1)
@@ -130,9 +133,28 @@ def tell_outliers(cloud: OrientedCloud, outlier: npt.NDArray[np.bool_]) -> str:
     return f"the largest group of outliers has {len(group):,} points, is {size} long, and at {place}"
 
 
-def _in_small_clusters(distance: FloatArray, row: IndexArray, reach: FloatArray | float) -> npt.NDArray[np.bool_]:
-    """Return which points (n,) few are linked to, of neighbors `row` (n, 8) at `distance` within a `reach` (n, 8)."""
+def _clusters(cloud: OrientedCloud, distance: FloatArray, row: IndexArray, reach: float) -> IndexArray:
+    """Return the cluster (n,) of each point, linked to those within a reach; neighbors `row` (n, 8) at `distance`.
+
+    The eight nearest of a point on a scan line may all lie on that line. Of a line of fewer than 24 points, one of the
+    24 nearest of the point that is closest to another line belongs to that one.
+    """
+    if np.isinf(reach):
+        return np.zeros(len(row), dtype=np.int64)
     cluster = linked(distance, row, reach)
+    small = np.flatnonzero(_are_small(cluster))
+    if not len(small):
+        return cluster
+    count = min(MIN_CLUSTER, len(cloud) - 1)
+    away, near = cloud.tree.query(cloud.points[small], np.arange(2, count + 2))
+    one, other = cluster[np.repeat(small, count)], cluster[near.ravel()]
+    joined = (away.ravel() <= reach) & (one != other)
+    pairs = coo_array((joined[joined], (one[joined], other[joined])), (len(cluster), len(cluster)))
+    return np.asarray(connected_components(pairs, directed=False)[1][cluster])
+
+
+def _are_small(cluster: IndexArray) -> npt.NDArray[np.bool_]:
+    """Return which points (n,) are in clusters of fewer than 24, unless there is none larger."""
     size = np.bincount(cluster)
     return np.asarray(size[cluster] < min(MIN_CLUSTER, size.max()))
 
@@ -167,7 +189,7 @@ def _are_sparse_sheets(
     if not suspect.any():
         return sheet[suspect]
     far = distance[:, -1]
-    sheet[suspect] = ~_in_small_clusters(distance, row, MAX_RATIO * np.minimum(far[:, np.newaxis], far[row]))[suspect]
+    sheet[suspect] = ~_are_small(linked(distance, row, MAX_RATIO * np.minimum(far[:, np.newaxis], far[row])))[suspect]
     spacing, usual = np.sqrt(np.pi / NEIGHBORS) * far, np.median(far)
     octave = np.floor(np.log2(spacing / usual))
     count, most = SHEET
