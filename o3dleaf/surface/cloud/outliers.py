@@ -139,8 +139,6 @@ def _clusters(cloud: OrientedCloud, distance: FloatArray, row: IndexArray, reach
     The eight nearest of a point on a scan line may all lie on that line. Of a line of fewer than 24 points, one of the
     24 nearest of the point that is closest to another line belongs to that one.
     """
-    if np.isinf(reach):
-        return np.zeros(len(row), dtype=np.int64)
     cluster = linked(distance, row, reach)
     small = np.flatnonzero(_are_small(cluster))
     if not len(small):

@@ -5,6 +5,8 @@ from functools import partial
 import numpy as np
 import open3d as o3d
 import pytest
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from cloud_shapes import sphere, torus
@@ -115,6 +117,41 @@ def test_points_scattered_above_a_plane_or_far_beside_it_are_no_sparse_sheet(mon
         with monkeypatch.context() as without:
             without.setattr(outliers, "SHEET", (16, 0.0))
             assert np.array_equal(found, detect_outliers(points))
+
+
+def lines_of_a_tip(shortest):
+    """Points a quarter apart on lines four apart, from forty on a line to the shortest."""
+    lines = [
+        np.column_stack([0.25 * np.arange(count) - count / 8, np.full(count, 4.0 * line), np.zeros(count)])
+        for line, count in enumerate(range(40, shortest - 1, -2))
+    ]
+    return np.concatenate(lines)
+
+
+@pytest.mark.parametrize(("find", "shortest"), [(detect_outliers, 2), (is_far, 8)])
+def test_scan_lines_of_a_tip_are_no_outliers_however_short(find, shortest):
+    """Of a line of six points each one's eight nearest are on others: by their distance these are far from all."""
+    assert not find(lines_of_a_tip(shortest)).any()
+
+
+def test_clusters_are_those_of_all_points_within_the_reach(monkeypatch):
+    """The twin links all pairs; lines, groups and single points lie at random."""
+    monkeypatch.setattr(outliers, "SHEET", (16, 0.0))
+    sizes = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        tip = lines_of_a_tip(2)
+        groups = np.repeat(rng.uniform([-30, 0, 0], [30, 80, 40], (12, 3)), rng.integers(1, 30, 12), axis=0)
+        points = np.vstack([tip, groups + rng.normal(size=groups.shape)])
+        reach = outliers.MAX_GAP * np.median(cKDTree(points).query(points, 9)[0][:, -1])
+        distance = np.linalg.norm(points[:, np.newaxis] - points, axis=2)
+        cluster = connected_components(csr_array(distance <= reach))[1]
+        small = np.bincount(cluster)[cluster] < outliers.MIN_CLUSTER
+        found = detect_outliers(points, max_ratio=np.inf, max_clutter=np.inf)
+        assert np.array_equal(found, small)
+        sizes += np.unique(np.bincount(cluster)[cluster[small]]).tolist()
+    assert min(sizes) == 1
+    assert max(sizes) > 8  # more than the neighbors that are looked at first
 
 
 @pytest.mark.parametrize("ratio", [1.0, 2.0, 10.0])
