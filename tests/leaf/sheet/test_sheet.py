@@ -168,10 +168,10 @@ def test_where_the_largest_piece_has_no_sheet_its_points_are_another_pieces():
 
 def test_what_a_sheet_holds_after_all_is_not_told_as_left_out():
     large, few, piece = scan(flat, 6, 60.0, 20.0), scan(flat, 7, 3.0, 3.0)[:20], scan(flat, 7, 20.0, 10.0) + [5, 40, 0]
-    sheet = find_sheet(np.concatenate([large, few + [63, 0, 4 * np.sin(60 / 25)], piece]))
+    sheet = find_sheet(np.concatenate([large, few + [66, 0, 4 * np.sin(60 / 25)], piece]))
     rows = len(large) + np.arange(len(few))
-    assert np.array_equal(np.sort(sheet.leftovers.beyond(8.0)), rows)
-    assert len(sheet.leftovers.beyond(2.0)) == 0
+    assert np.array_equal(np.sort(sheet.leftovers.beyond(12.0)), rows)
+    assert len(sheet.leftovers.beyond(8.0)) == 0
     rest = sheet.leftovers.without(rows)
     assert [len(group) for group in rest.groups] == [len(piece)]
     assert np.array_equal(rest.held, np.sort(np.append(sheet.rows, rows)))
