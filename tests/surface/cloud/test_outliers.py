@@ -138,7 +138,7 @@ def test_clusters_are_those_of_all_points_within_the_reach(monkeypatch):
     """The twin links all pairs; lines, groups and single points lie at random."""
     monkeypatch.setattr(outliers, "SHEET", (16, 0.0))
     sizes = []
-    for seed in range(40):
+    for seed in range(12):
         rng = np.random.default_rng(seed)
         tip = lines_of_a_tip(2)
         groups = np.repeat(rng.uniform([-30, 0, 0], [30, 80, 40], (12, 3)), rng.integers(1, 30, 12), axis=0)
