@@ -123,9 +123,8 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
         tube = np.pi * petiole.width * petiole.length
         if petiole.area > LARGEST * tube:
             if not is_narrow:
-                unsure.append(
-                    (stretch, end, f"with it {petiole.area / tube:.2g} times the area of such a tube would go")
-                )
+                why = f"what would be cut off has {petiole.area / tube:.2g} times the area of a tube of that size"
+                unsure.append((stretch, end, why))
             continue
         if found is None or petiole.length / petiole.width > found.length / found.width:
             blade, found = ~outside, petiole
