@@ -45,7 +45,7 @@ def read_text(file: Path, columns: str | Sequence[str] | None = None) -> Columns
         If there is no point, columns are missing, or a line has no number where one belongs; it names the line.
     """
     found = _columns(file, read_head(file, columns))
-    return found if columns is not None else _without_counter(file, None, found)
+    return found if columns is not None else _as_meant(file, None, found)
 
 
 def read_columns(file: Path, names: str) -> Columns:
@@ -63,13 +63,13 @@ def read_columns(file: Path, names: str) -> Columns:
         # In compiled code, as long as nothing but numbers and comments stands there.
         rows = np.loadtxt(file, usecols=range(len(words)), comments="#", ndmin=2, dtype=np.float64)
     except ValueError:
-        return _without_counter(file, names, _columns(file, read_head(file, names)))
+        return _as_meant(file, names, _columns(file, read_head(file, names)))
     groups = {group: [words.index(name) for name in each] for group, each in GROUPS.items() if set(each) <= set(words)}
-    return _without_counter(file, names, Columns(**{group: rows[:, places] for group, places in groups.items()}))
+    return _as_meant(file, names, Columns(**{group: rows[:, places] for group, places in groups.items()}))
 
 
-def _without_counter(file: Path, names: str | None, found: Columns) -> Columns:
-    """Return the columns of a file, all one further on where the first one counts the lines and has no name."""
+def _as_meant(file: Path, names: str | None, found: Columns) -> Columns:
+    """Return the columns of a file, all one further on where the first counts the lines; tell normals without names."""
     head = read_head(file, names)
     if head.unnamed and head.columns["x"] == 0 and _is_counter(found.points):
         journal.tell(
@@ -79,17 +79,18 @@ def _without_counter(file: Path, names: str | None, found: Columns) -> Columns:
         )
         head = head.one_further()
         found = _columns(file, head)
-    if found.normals is None and (names := _unread_normals(file, head)):
+    with_normals = "" if found.normals is not None else _names_with_normals(file, head)
+    if with_normals:
         journal.tell(
             f"{file}: no normals are read, though three more of its columns are unit vectors, as normals are; if they "
-            f"are, name the columns, as '{names}'",
+            f"are, name the columns, as '{with_normals}'",
             DataWarning,
         )
     return found
 
 
-def _unread_normals(file: Path, head: TextHead) -> str:
-    """Return names of the columns of a file of which three that have none are unit vectors; empty where none are."""
+def _names_with_normals(file: Path, head: TextHead) -> str:
+    """Return the names of a file's columns, three without a name as normals if they are unit vectors; empty if not."""
     count, first = head.unnamed + len(head.columns), 1 + max(head.columns.values())
     if head.unnamed < len(GROUPS["normals"]):
         return ""

@@ -50,9 +50,9 @@ def detect_outliers(
     """Return which points of a cloud (n,) belong to no surface.
 
     Points are linked to those within `max_gap` times the median distance of an eighth neighbor; clusters of fewer than
-    24 points are outliers, however far apart, unless nothing larger is there. So are
-    points whose eighth neighbor is `max_ratio` times as far as that of the neighbors themselves, as in Breunig et al.:
-    some four spacings off a surface.
+    24 points are outliers, however far apart, unless nothing larger is there. So are points whose eighth neighbor is
+    `max_ratio` times as far as that of the neighbors themselves, as in Breunig et al.: four spacings off a surface or
+    so.
 
     Of both, a surface that is sampled more sparsely stays, also beside a dense one. Linked by their own density, to
     those of their eight nearest that are within 2.5 times the nearer eighth neighbor's distance of the two (the graph
@@ -144,7 +144,7 @@ def _clusters(cloud: OrientedCloud, distance: FloatArray, row: IndexArray, reach
     if not len(small):
         return cluster
     count = min(MIN_CLUSTER, len(cloud) - 1)
-    away, near = cloud.tree.query(cloud.points[small], np.arange(2, count + 2))
+    away, near = query(cloud.tree, cloud.points[small], k=np.arange(2, count + 2))
     one, other = cluster[np.repeat(small, count)], cluster[near.ravel()]
     joined = (away.ravel() <= reach) & (one != other)
     pairs = coo_array((joined[joined], (one[joined], other[joined])), (len(cluster), len(cluster)))
