@@ -1,5 +1,7 @@
 """The energy of a chart that is as rigid as possible, its gradient and its Hessian."""
 
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse
 
@@ -66,12 +68,17 @@ class RigidEnergy:
         """
         turn, _ = self._maps(chart)
         size = np.maximum(np.abs(turn), 1.0 if convex else np.finfo(float).tiny)
-        weights = scipy.sparse.diags_array(self._share)
-        flat = sum(part.conj().T @ weights @ part for part in (self._turns, self._mirrors)).real
         aside = scipy.sparse.diags_array(_direction(turn).conj()) @ self._turns
         aside = scipy.sparse.hstack([aside.imag, aside.real])
         turning = aside.T @ scipy.sparse.diags_array(self._share / size) @ aside
-        return scipy.sparse.csr_array(4 * (scipy.sparse.block_diag([flat, flat]) - turning))
+        return scipy.sparse.csr_array(4 * (self._flat - turning))
+
+    @cached_property
+    def _flat(self) -> scipy.sparse.csr_array:
+        """L (2n, 2n), the same at every chart."""
+        weights = scipy.sparse.diags_array(self._share)
+        flat = sum(part.conj().T @ weights @ part for part in (self._turns, self._mirrors)).real
+        return scipy.sparse.block_diag([flat, flat], format="csr")
 
     def _maps(self, chart: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return a and b of each triangle, (m,) complex numbers each."""
