@@ -17,6 +17,7 @@ from subprocess import CompletedProcess
 import numpy as np
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from threadpoolctl import threadpool_limits
@@ -34,6 +35,8 @@ REAL_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 # deadline, because the first call of a compiled function compiles it.
 settings.register_profile("repeatable", derandomize=True, deadline=None, print_blob=True)
 settings.load_profile("repeatable")
+# Nor from numbers in whatever modules of ours are loaded by then: to read all takes each worker ten seconds.
+providers.is_local_module_file = lambda path: False
 
 
 SLOW_LEFT_OUT = pytest.StashKey[int]()
