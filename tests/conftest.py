@@ -35,7 +35,7 @@ REAL_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 # deadline, because the first call of a compiled function compiles it.
 settings.register_profile("repeatable", derandomize=True, deadline=None, print_blob=True)
 settings.load_profile("repeatable")
-# Nor from numbers in whatever modules of ours are loaded by then: to read all takes each worker ten seconds.
+# Nor from numbers in whatever modules of ours are loaded by then: each worker would read all, for seconds.
 providers.is_local_module_file = lambda path: False
 
 
