@@ -143,8 +143,9 @@ class Surroundings:
         a ball there, as wide as its data need, would have thousands of others.
         """
         places = np.asarray(cells * pitch, dtype=np.float64)
-        around, nearest = data_around(self.data, places)
-        ratio, distance = around / self.data.point_spacing[nearest], nearest_points(self.data.tree, places)[0]
+        close = nearest_points(self.data.tree, places)
+        around, nearest = data_around(self.data, places, close)
+        ratio, distance = around / self.data.point_spacing[nearest], close[0]
         rows = np.flatnonzero((ratio > NEAREST) & (self.everywhere | (ratio < FARTHEST)))
         depth = self.depth(places[rows])
         value = depth * distance[rows]

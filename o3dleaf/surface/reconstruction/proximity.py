@@ -129,16 +129,18 @@ def nearest_data(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, I
     return answer
 
 
-def data_around(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, IntArray]:
+def data_around(
+    data: OrientedCloud, places: FloatArray, nearest: tuple[FloatArray, IntArray] | None = None
+) -> tuple[FloatArray, IntArray]:
     r"""Return which point of the data each place (n, 3) is nearest to in that point's spacings, and how far (n,).
 
     .. math:: \arg\min_j |x - x_j| / s_j
 
     Where data are about as dense all around, or one lies within its spacing, that is the nearest one. Beside dense data
     that end where sparse ones go on, it is one of those: a gap is no wider for what is dense on its other side. Found
-    to the width of a class of spacings, a fifth.
+    to the width of a class of spacings, a fifth. `nearest` is what `nearest_points` says, where that is known.
     """
-    nearest = nearest_data(data, places)
+    nearest = nearest_data(data, places) if nearest is None else nearest
     distance, row = nearest[0].copy(), nearest[1].copy()
     spacing, own = data.point_spacing, data.point_spacing[row]
     ratio = distance / own

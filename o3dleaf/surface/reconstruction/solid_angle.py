@@ -9,7 +9,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
+from o3dleaf.surface.cloud.winding.dipoles import Dipoles
 
 AROUND = 100
 """Points whose median is the level at one of them: at the tip of a thin part, one that is as thick as it is long."""
@@ -34,9 +34,8 @@ class WindingNumber:
     Attributes
     ----------
     data : OrientedCloud
-    tree : DipoleTree
-    flux : (n, 3) ndarray
-        a_j n_j, in the order of the tree.
+    dipoles : Dipoles
+        a_j n_j.
 
     References
     ----------
@@ -45,22 +44,20 @@ class WindingNumber:
     """
 
     data: OrientedCloud
-    tree: DipoleTree
-    flux: FloatArray
+    dipoles: Dipoles
 
     @classmethod
     def of(cls, cloud: CloudLike) -> "WindingNumber":
         """Return that of a cloud with outward normals, or raise `InputError` where it has none."""
         data = OrientedCloud.of(cloud)
-        tree, flux = DipoleTree(data.points), data.require_normals() * (data.point_spacing**2)[:, np.newaxis]
-        return cls(data, tree, np.ascontiguousarray(flux[tree.order]))
+        return cls(data, Dipoles.of(data.points, data.require_normals() * (data.point_spacing**2)[:, np.newaxis]))
 
     def __repr__(self) -> str:
         return f"WindingNumber({len(self.data):,} points)"
 
     def __call__(self, places: FloatArray, softening: FloatArray | float = 0.0) -> FloatArray:
         """Return w (n,) at places (n, 3), distances softened by a length: r² + softening² for r²."""
-        return self.tree.winding_at(self.flux, places, np.broadcast_to(softening, len(places)))
+        return self.dipoles.winding_at(places, np.broadcast_to(softening, len(places)))
 
     def levels(self, rows: IntArray) -> FloatArray:
         """Return the level of w (n,) on the surface around some of the data.

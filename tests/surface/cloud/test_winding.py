@@ -8,8 +8,9 @@ from o3dleaf.surface.cloud.orientation.orientation import orient_normals
 from o3dleaf.surface.cloud.orientation.sides import find_sides
 from o3dleaf.surface.cloud.winding.consistency import make_consistent
 from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
+from o3dleaf.surface.cloud.winding.dipoles import Dipoles
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
-from tolerances import ALMOST_ALL, FOLDED_SIDES, HALF_WINDING, ROUNDING, TREE_GRADIENT, TREE_WINDING
+from tolerances import ALMOST_ALL, FIFTH_POWER, FOLDED_SIDES, HALF_WINDING, ROUNDING, TREE_GRADIENT, TREE_WINDING
 
 
 def right(found, true):
@@ -64,6 +65,28 @@ def test_points_that_are_not_wanted_get_nothing_and_change_nothing(sources):
     some, all_of_them = (tree.winding(flux, width, mask) for mask in (wanted, np.ones(1200, bool)))
     assert np.array_equal(some[wanted], all_of_them[wanted])
     assert not some[~wanted].any()
+
+
+@pytest.mark.parametrize("soft", [0.0, 0.5])
+def test_moments_up_to_the_second_leave_what_falls_with_the_fifth_power_of_the_distance(soft):
+    rng = np.random.default_rng(7)
+    points, flux = rng.uniform(-1, 1, (100, 3)), rng.normal(size=(100, 3))
+    dipoles, ways = Dipoles.of(points, flux), sphere(50, seed=8)[0]
+
+    def error(distance):
+        places, width = distance * ways, np.full(50, soft)
+        way = points - places[:, np.newaxis]
+        exact = np.einsum("ija,ja->i", way / (np.sum(way**2, axis=2) + soft**2)[:, :, np.newaxis] ** 1.5, flux)
+        return np.linalg.norm(dipoles.winding_at(places, width) - exact / (4 * np.pi))
+
+    assert error(200.0) / error(100.0) == pytest.approx(2.0**-5, rel=FIFTH_POWER)
+
+
+def test_a_dipole_makes_nothing_at_its_own_place():
+    points, flux = sphere(40)
+    alone = [Dipoles.of(np.delete(points, i, 0), np.delete(flux, i, 0)) for i in range(40)]
+    without = [each.winding_at(points[i : i + 1], np.zeros(1))[0] for i, each in enumerate(alone)]
+    assert Dipoles.of(points, flux).winding_at(points, np.zeros(40)) == pytest.approx(without, abs=ROUNDING)
 
 
 @pytest.mark.parametrize("apart", [1e-1, 1e-3, 1e-9])

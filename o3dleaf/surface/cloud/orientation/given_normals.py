@@ -20,6 +20,7 @@ from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import Surfels
 from o3dleaf.surface.cloud.winding.closed import imbalance
 from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
+from o3dleaf.surface.cloud.winding.dipoles import Dipoles
 
 CONTRADICTED = 0.03
 """Share of opposed neighbors from which on sides are found anew, unless what they enclose contradicts fewer, or what
@@ -145,11 +146,12 @@ def _with_the_whole(points: FloatArray, spacing: FloatArray, unit: FloatArray, r
     turned = np.flatnonzero(np.einsum("ij,ij->i", repaired, unit) < 0)
     if not len(turned):
         return repaired
-    tree, flux = DipoleTree(points), unit * spacing[:, np.newaxis] ** 2
+    flux = unit * spacing[:, np.newaxis] ** 2
     flux[turned] = 0.0
+    rest = Dipoles.of(points, flux)
     width = ASIDE * spacing[turned]
     step = width[:, np.newaxis] * unit[turned]
-    front, behind = (tree.winding_at(flux[tree.order], points[turned] + way, width) for way in (step, -step))
+    front, behind = (rest.winding_at(points[turned] + way, width) for way in (step, -step))
     kept = turned[front < behind]
     result = repaired.copy()
     result[kept] = unit[kept]
@@ -180,11 +182,11 @@ def _contradicted(number: FloatArray, slope: FloatArray) -> float:
 
 def _point_inward(surfels: Surfels, unit: FloatArray) -> bool:
     """Return whether unit normals (n, 3) of the cloud's points enclose a volume from the wrong side."""
-    area, tree = surfels.total(surfels.spacing**2), DipoleTree(surfels.points)
-    flux = np.ascontiguousarray((_group_means(surfels, unit) * area[:, np.newaxis])[tree.order])
-    some = even_rows(len(flux), SAMPLE)
-    disc = np.sqrt(area[tree.order[some]] / (2 * np.pi))
-    return float(tree.winding_at(flux, tree.points[some], disc).mean()) < -OPEN
+    area = surfels.total(surfels.spacing**2)
+    dipoles = Dipoles.of(surfels.points, _group_means(surfels, unit) * area[:, np.newaxis])
+    some = dipoles.tree.order[even_rows(len(area), SAMPLE)]
+    disc = np.sqrt(area[some] / (2 * np.pi))
+    return float(dipoles.winding_at(surfels.points[some], disc).mean()) < -OPEN
 
 
 def _completed(points: FloatArray, given: FloatArray, rows: IndexArray) -> tuple[FloatArray, int]:

@@ -17,10 +17,6 @@ LEAF = 16
 OPENING = 0.5
 """Radius of a node over its distance up to which its points are summed up as one: winding numbers err by 0.006."""
 
-PLACE_OPENING = 0.15
-"""The same for places off the points, where single numbers count: they err by 0.005 deep inside a ball, where the
-errors of all nodes have one sign, and by 0.001 within four spacings of it."""
-
 
 class Nodes(NamedTuple):
     """Nodes of a binary tree over sorted points: node k has the children 2k + 1 and 2k + 2, the leaves come last.
@@ -185,43 +181,6 @@ def wind(points, flux, soft, nodes, sums, softness, wanted, start, stop, total):
         for t in range(targets):
             for a in range(4):
                 total[rows[t], a] = sum_of[a, t] / (4 * np.pi)
-
-
-@njit(nogil=True, cache=True)
-def wind_at(places, soft, points, flux, nodes, sums, start, stop, number):
-    """Write the winding number that dipoles make at any places (n, 3), distances softened by the root of `soft` (n,).
-
-    Of an unsoftened dipole at the place itself it is 0.
-    """
-    count = len(nodes.radius)
-    stack, at, total = np.empty(128, np.int64), np.empty((3, 1)), np.empty((4, 1))
-    for i in range(start, stop):
-        for a in range(3):
-            at[a, 0] = places[i, a]
-        total[:] = 0.0
-        depth = 1
-        stack[0] = 0
-        while depth > 0:
-            depth -= 1
-            k = stack[depth]
-            x, y, z = nodes.center[k, 0] - at[0, 0], nodes.center[k, 1] - at[1, 0], nodes.center[k, 2] - at[2, 0]
-            least = nodes.radius[k] / PLACE_OPENING
-            if x * x + y * y + z * z > least * least:
-                add_node(at, 1, nodes.center[k], sums[k], soft[i], total)
-            elif 2 * k + 1 < count:
-                stack[depth], stack[depth + 1] = 2 * k + 1, 2 * k + 2
-                depth += 2
-            else:
-                for j in range(nodes.first[k], nodes.last[k]):
-                    if soft[i] > 0.0 or distinct(points[j], places[i]):
-                        add_dipole(at, 1, points[j], flux[j], soft[i], total)
-        number[i] = total[0, 0] / (4 * np.pi)
-
-
-@njit(nogil=True, cache=True)
-def distinct(one, other):
-    """Return whether two places (3,) differ."""
-    return one[0] != other[0] or one[1] != other[1] or one[2] != other[2]
 
 
 @njit(nogil=True, cache=True, error_model="numpy")

@@ -11,8 +11,6 @@ from o3dleaf.surface.cloud.winding import dipole_loops
 
 BLOCK = 16
 """Leaves of sixteen points that are summed at once."""
-PLACES = 256
-"""Places that are summed at, at once."""
 
 
 class DipoleTree:
@@ -75,25 +73,6 @@ class DipoleTree:
             return (total,)
 
         return kept_block(make)[0]
-
-    def winding_at(self, flux: FloatArray, places: FloatArray, width: FloatArray) -> FloatArray:
-        """Return the winding number (k,) at any places, where the width is that of the place and not of the dipoles.
-
-        Parameters
-        ----------
-        flux : (n, 3) ndarray
-        places : (k, 3) ndarray
-        width : (k,) ndarray
-            In the unit of the points; 0 for the sum as it is, without a point that lies at the place.
-        """
-        square, number, sums = width**2, np.empty(len(places)), self._moments(flux)
-        targets = np.ascontiguousarray(places)
-
-        def task(start: int, stop: int) -> None:
-            dipole_loops.wind_at(targets, square, self.points, flux, self.nodes, sums, start, stop, number)
-
-        run_blocks(task, len(places), PLACES)
-        return number
 
     def pull(self, error: FloatArray, width: FloatArray, wanted: npt.NDArray[np.bool_]) -> FloatArray:
         """Return the derivative (n, 3) of the sum of error · w over the wanted points for each one's dipole.
