@@ -80,7 +80,7 @@ def _terms(zeroth: FloatArray, first: FloatArray, second: FloatArray) -> FloatAr
         every = {(a, b, c), (a, c, b), (b, a, c), (b, c, a), (c, a, b), (c, b, a)}
         return np.asarray(sum(second[:, i, j, k] for i, j, k in every))
 
-    cubics = [(0, 0, 0), (0, 0, 1), (0, 0, 2), (0, 1, 2)] + [(1, 1, 1), (1, 1, 0), (1, 1, 2)]
+    cubics = [(0, 0, 0), (0, 0, 1), (0, 0, 2), (0, 1, 2), (1, 1, 1), (1, 1, 0), (1, 1, 2)]
     cubics += [(2, 2, 2), (2, 2, 0), (2, 2, 1)]
     parts = [zeroth, np.einsum("kaa->k", first), *squares, traces, *(cubic(*each) for each in cubics)]
     return np.ascontiguousarray(np.column_stack(parts))
