@@ -188,7 +188,7 @@ def _with_what_rises(scan: FloatArray, rows: IntArray, plane: _BowedPlane, near:
 
     def stands(group: IntArray) -> bool:
         foot = place[group[np.abs(height[group]) <= LINK * spacing]]
-        return up[group].sum() >= MIN_POINTS and goes_around(place[own], foot, cell)
+        return up[group].sum() >= MIN_POINTS and _goes_around(place[own], foot, cell)
 
     standing = [group for group in rising if stands(group)]
     if not apart and not standing:
@@ -202,7 +202,7 @@ def _width(places: FloatArray) -> float:
     return float(np.sqrt(12 * np.linalg.eigvalsh(np.cov(places.T))[0]))
 
 
-def goes_around(table: FloatArray, foot: FloatArray, cell: float) -> bool:
+def _goes_around(table: FloatArray, foot: FloatArray, cell: float) -> bool:
     """Return whether from the places (k, 2) of a foot no way leads out but over those (n, 2) of a table."""
     both = np.concatenate([table, foot])
     low = both.min(axis=0)
