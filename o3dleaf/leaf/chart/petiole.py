@@ -11,6 +11,7 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
+from o3dleaf.leaf.chart.stalk.attachment import attachment_of
 from o3dleaf.leaf.chart.stalk.junction import Junction, find_junction
 from o3dleaf.leaf.chart.stalk.lobes import is_one_of_several
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
@@ -68,6 +69,13 @@ class Petiole:
         off = points - np.array(self.junction)
         return np.asarray((off @ np.array(self.along) < 0) & (np.linalg.norm(off, axis=1) <= self.length + self.width))
 
+    def why_kept(self) -> str | None:
+        """Return why what would be cut off is too large for a petiole, or None if it may be one."""
+        tube = np.pi * self.width * self.length
+        if self.area <= LARGEST * tube:
+            return None
+        return f"what would be cut off has {self.area / tube:.2g} times the area of a tube of that size"
+
     def __str__(self) -> str:
         ends = np.array([self.end, self.junction])
         end, junction = (tell_place(place, ends) for place in ends)
@@ -120,10 +128,9 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
         petiole = _measure(ways, cut, distance, junction, end)
         if is_one_of_several(ways, cut, distance, noise):
             continue
-        tube = np.pi * petiole.width * petiole.length
-        if petiole.area > LARGEST * tube:
+        why = petiole.why_kept() or attachment_of(ways, cut, junction).why_kept()
+        if why is not None:
             if not is_narrow:
-                why = f"what would be cut off has {petiole.area / tube:.2g} times the area of a tube of that size"
                 unsure.append((stretch, end, why))
             continue
         if found is None or petiole.length / petiole.width > found.length / found.width:

@@ -7,4 +7,5 @@
 `stalk_points`  the points about the end of a stalk, along, across and above it
 `kink_cost`     their likelihood under a stalk that ends at a place
 `junction`      the place where a stalk widens into the blade
+`attachment`    how it is joined to that
 """

@@ -52,6 +52,10 @@ class PointWays:
         """Return the (n,) distances from one of the points."""
         return np.asarray(dijkstra(self._graph, directed=False, indices=point))
 
+    def beside(self, some: BoolArray) -> BoolArray:
+        """Return which (n,) points are linked to one of `some` (n,)."""
+        return np.asarray(self._graph @ some.astype(np.float64) > 0)
+
     def far_ends(self) -> tuple[int, int]:
         """Return two points that are farthest apart, as three sweeps find them."""
         start = int(np.argmax(np.linalg.norm(self.points - self.points.mean(axis=0), axis=1)))
