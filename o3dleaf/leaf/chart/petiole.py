@@ -34,6 +34,8 @@ LARGEST = 3.0
 """Area of what is cut off over that of a tube as long and as wide, at most: a stub of the stem is as large again."""
 FEW = "too few points tell a petiole from a shred of the margin"
 """Why a narrow part is kept that is too short, flat or narrow."""
+NO_JUNCTION = "nothing shows where the blade begins"
+"""Why one is kept that is long and steady enough, of a blade that narrows into it little by little."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
     narrow against the widest, long against itself, and does not taper to the end as a tip does; and no two other ends
     of the leaf look like it, as lobes do. It ends at the plane across it from which on its sections widen. One that is
     too short or flat, or too few points wide, or with which more would be cut off than a stalk and a stub, is kept and
-    told, but for the tips of narrow leaves.
+    told, but for the tips of narrow leaves; one that does not taper, and whose junction nothing shows, is of these too.
 
     Parameters
     ----------
@@ -120,8 +122,10 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
         # A tip tapers over many of its widths, most of them beyond what few points show to be straight.
         is_narrow = sections.is_narrow_from(stretch.last)
         if junction is None or (is_narrow and junction.width < RESOLVED * spacing):
-            if not is_narrow and not is_one_of_several(ways, distance <= stretch.last, distance, noise):
-                unsure.append((stretch, end, FEW))
+            seamless = shows and junction is None
+            told = seamless or not is_narrow
+            if told and not is_one_of_several(ways, distance <= stretch.last, distance, noise):
+                unsure.append((stretch, end, NO_JUNCTION if seamless else FEW))
             continue
         outside = junction.outside(points, each)
         cut = outside[some[ways.rows]]

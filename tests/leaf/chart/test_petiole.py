@@ -1,6 +1,7 @@
 import re
 
 import numpy as np
+import open3d as o3d
 import pytest
 import shapely
 import shapely.affinity
@@ -161,6 +162,15 @@ def test_a_petiole_with_which_too_much_would_be_cut_off_is_kept_and_told(monkeyp
     assert kept.all()
     assert petiole is None
     assert re.search(r"narrow part, about [\d.]+ long and [\d.]+ wide, .* has [\d.]+ times the area", told)
+
+
+def test_a_petiole_without_a_junction_is_told_of_a_narrow_leaf_too(real_scan):
+    """The petiole of a young sugar beet is 2.3 mm wide, and its blade 12; it widens over more than its length."""
+    cloud = o3d.io.read_point_cloud(str(real_scan("leaves/sugarbeet_petiole.ply")))
+    kept, petiole, (told,) = find_petiole(np.asarray(cloud.points))
+    assert kept.all()
+    assert petiole is None
+    assert petiole_module.NO_JUNCTION in told
 
 
 @pytest.mark.parametrize("seed", range(3))
