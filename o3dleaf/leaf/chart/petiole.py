@@ -71,13 +71,6 @@ class Petiole:
         off = points - np.array(self.junction)
         return np.asarray((off @ np.array(self.along) < 0) & (np.linalg.norm(off, axis=1) <= self.length + self.width))
 
-    def why_kept(self) -> str | None:
-        """Return why what would be cut off is too large for a petiole, or None if it may be one."""
-        tube = np.pi * self.width * self.length
-        if self.area <= LARGEST * tube:
-            return None
-        return f"what would be cut off has {self.area / tube:.2g} times the area of a tube of that size"
-
     def __str__(self) -> str:
         ends = np.array([self.end, self.junction])
         end, junction = (tell_place(place, ends) for place in ends)
@@ -122,24 +115,32 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
         # A tip tapers over many of its widths, most of them beyond what few points show to be straight.
         is_narrow = sections.is_narrow_from(stretch.last)
         if junction is None or (is_narrow and junction.width < RESOLVED * spacing):
-            seamless = shows and junction is None
-            told = seamless or not is_narrow
+            why = NO_JUNCTION if shows and junction is None else FEW
+            told = why == NO_JUNCTION or not is_narrow
             if told and not is_one_of_several(ways, distance <= stretch.last, distance, noise):
-                unsure.append((stretch, end, NO_JUNCTION if seamless else FEW))
+                unsure.append((stretch, end, why))
             continue
         outside = junction.outside(points, each)
         cut = outside[some[ways.rows]]
         petiole = _measure(ways, cut, distance, junction, end)
         if is_one_of_several(ways, cut, distance, noise):
             continue
-        why = petiole.why_kept() or attachment_of(ways, cut, junction).why_kept()
-        if why is not None:
+        kept = _why_too_large(petiole) or attachment_of(ways, cut, junction).why_kept()
+        if kept is not None:
             if not is_narrow:
-                unsure.append((stretch, end, why))
+                unsure.append((stretch, end, kept))
             continue
         if found is None or petiole.length / petiole.width > found.length / found.width:
             blade, found = ~outside, petiole
     return blade, found, () if found is not None else _tell_unsure(ways, unsure)
+
+
+def _why_too_large(petiole: Petiole) -> str | None:
+    """Return why what would be cut off is too large for a petiole, or None if it is not."""
+    tube = np.pi * petiole.width * petiole.length
+    if petiole.area <= LARGEST * tube:
+        return None
+    return f"what would be cut off has {petiole.area / tube:.2g} times the area of a tube of that size"
 
 
 def _rows_looked_at(points: FloatArray) -> IntArray:

@@ -184,11 +184,11 @@ def test_noise_of_half_a_spacing_is_averaged():
 
 def test_what_is_told_of_a_scan_has_the_same_lengths_in_every_unit():
     points = o3l.samples.scan_leaf(o3l.samples.leaf_shape("petiole"), seed=2, spacing=1.2).points
-    least, most = (
+    in_meters, in_micrometers = (
         told_lengths(o3l.create_blade(points * unit_scale("mm", unit), unit=unit).notes) for unit in ("m", "um")
     )
-    assert len(least) >= 2  # the petiole's length and width
-    np.testing.assert_allclose(most, least, rtol=tol.THREE_DIGITS)
+    assert len(in_meters) >= 2  # the petiole's length and width
+    np.testing.assert_allclose(in_micrometers, in_meters, rtol=tol.THREE_DIGITS)
 
 
 def told_lengths(notes):
