@@ -164,13 +164,33 @@ def test_a_petiole_with_which_too_much_would_be_cut_off_is_kept_and_told(monkeyp
     assert re.search(r"narrow part, about [\d.]+ long and [\d.]+ wide, .* has [\d.]+ times the area", told)
 
 
-def test_a_petiole_without_a_junction_is_told_of_a_narrow_leaf_too(real_scan):
-    """The petiole of a young sugar beet is 2.3 mm wide, and its blade 12; it widens over more than its length."""
+@pytest.mark.parametrize("part", [slice(None), slice(0, None, 2)])
+def test_a_petiole_of_few_points_is_cut_off_whose_blade_narrows_into_it(real_scan, part):
+    """That of a young sugar beet, 2.3 mm wide; its blade, 12 mm wide, begins 47 to 51 mm from its end on any half."""
     cloud = o3d.io.read_point_cloud(str(real_scan("leaves/sugarbeet_petiole.ply")))
-    kept, petiole, (told,) = find_petiole(np.asarray(cloud.points))
+    points = np.asarray(cloud.points)[part]
+    kept, petiole, _ = find_petiole(points, OrientedCloud.of(points).noise)
+    assert 46 < petiole.length < 52
+    assert 1.4 < petiole.width < 3
+    assert np.mean(kept) > 0.9
+
+
+def test_a_petiole_whose_junction_nothing_shows_is_told_of_a_narrow_leaf_too(monkeypatch):
+    monkeypatch.setattr(petiole_module, "find_junction", lambda *_: None)
+    flat = drawn(stalked(length=150.0), 0.5, seed=1)
+    kept, petiole, (told,) = find_petiole(np.insert(flat, 2, 0.0, axis=1))
     assert kept.all()
     assert petiole is None
     assert petiole_module.NO_JUNCTION in told
+
+
+def test_few_points_that_lie_wide_part_no_stalk_and_many_do():
+    width = np.repeat([2.0, 4.0, 2.0, 12.0], [20, 3, 20, 80])
+    free = np.where(width == 4.0, 0.9, 4.0)
+    few = find_stretch(Sections(1.0, width, 0 * width, np.cumsum(width), free))
+    many = find_stretch(Sections(1.0, width, 0 * width, np.cumsum(width), 2 * free))
+    assert few.last == 43
+    assert many.last == 20
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -5,10 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.chart.stalk.sections import Sections
 
 NARROW = 0.25
 """Of the blade's width, that a stalk is wide at most: blades do not wait that narrow for long."""
+SHOWN = 3.0
+"""Degrees of freedom of sections that show them to be wider than those on either side: of fewer, which are off by two
+fifths or more, it may be chance."""
 SLENDER, SLENDER_NECK = 2.5, 4.0
 """Times its width that a stalk is long; and a neck with something wider outside it, a stub of the stem."""
 STEADY = 0.5
@@ -58,9 +62,7 @@ def find_stretch(sections: Sections) -> StalkStretch | None:
     """
     unsure = None
     width, area, widest = sections.width, sections.area, sections.widest
-    narrow = width <= NARROW * widest
-    change = np.flatnonzero(np.diff(np.concatenate([[False], narrow, [False]])))
-    for first, last in zip(change[::2], change[1::2], strict=True):
+    for first, last in _narrow_runs(sections):
         outside = area[first - 1] if first else 0.0
         if outside > LARGEST_STUB * area[-1] or area[last - 1] > 0.5 * area[-1]:
             break
@@ -80,6 +82,22 @@ def find_stretch(sections: Sections) -> StalkStretch | None:
             return found
         unsure = unsure or found._replace(is_sure=False)
     return unsure
+
+
+def _narrow_runs(sections: Sections) -> IntArray:
+    """Return the first station of each run of narrow sections and the one past its last, (k, 2).
+
+    What lies between two of them, and has too few points to show a width, parts nothing.
+    """
+    narrow = sections.width <= NARROW * sections.widest
+    runs = _runs_of(narrow)
+    for last, first in zip(runs[:-1, 1], runs[1:, 0], strict=True):
+        narrow[last:first] = sections.free[last:first].sum() < SHOWN
+    return _runs_of(narrow)
+
+
+def _runs_of(held: BoolArray) -> IntArray:
+    return np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]))).reshape(-1, 2)
 
 
 def _steadiness(width: FloatArray, free: FloatArray) -> tuple[float, float]:
