@@ -933,8 +933,9 @@ MOVED_SHEET = 1e-4
 """Lengths of edges of 2 to 3 in charts of one sheet in two places: relaxed to a ten-thousandth of the energy."""
 
 ONE_REST = 1e-10
-"""Places in charts 160 long or less, from starts that differ by a rounding or by a thirtieth of an edge: 3e-14 and
-9e-13 found. By Anderson's acceleration, stopped as the energy fell by a ten-thousandth in ten steps: 1e-9 and 2e-3."""
+"""Places in charts 160 long or less, from starts that differ by a rounding or by a thirtieth of an edge: 1e-12 found.
+With a last step that is shortened until the rounded energy falls, 3.5e-8; by Anderson's acceleration, stopped as the
+energy fell by a ten-thousandth in ten steps, 2e-3."""
 CHART_STEP = 1e-6
 CHART_DERIVATIVES = 1e-7
 """Central differences of a chart's energy and gradient at such a step, relative."""

@@ -45,7 +45,7 @@ def test_a_long_rough_sheet_rests_at_one_place_wherever_it_starts_from():
     sheet = np.column_stack([flat, 4 * np.sin(flat[:, 0] / 15) + 0.15 * rng.normal(size=len(flat))])
     start = flat * [1.02, 1.0]
     rest = relax_rigidly(sheet, triangles, start)
-    for scale in (1e-12, 0.05):
+    for scale in (1e-12, 0.05, 0.05, 0.05):
         other = relax_rigidly(sheet, triangles, start + scale * rng.normal(size=flat.shape))
         # As lengths: the chart can be turned.
         ends = np.linalg.norm(rest - rest[0], axis=1), np.linalg.norm(other - other[0], axis=1)

@@ -12,7 +12,7 @@ from o3dleaf.leaf.chart.flattening.rigid_energy import RigidEnergy
 MAX_STEPS = 200
 """Ten to thirty are usual."""
 AT_REST = 1e-12
-"""Share of the energy by which a step may still lower it when the chart is taken to rest."""
+"""Share of the energy by which a step may still lower it that leads to rest."""
 UNSEEN = 1e-20
 """Or the fall itself: lengths change by 1e-10 then, root mean square."""
 SUFFICIENT = 1e-4
@@ -35,14 +35,15 @@ def descend_to_rest(energy: RigidEnergy, chart: FloatArray) -> FloatArray:
         slope = energy.gradient(chart)
         step = _step(energy, chart, slope)
         fall = -float(np.vdot(slope, step))
+        if fall <= max(AT_REST * value, UNSEEN):
+            # The last one is taken whole: so small a fall is lost in the energy's own rounding.
+            return chart + step
         share = 1.0
         while (moved := energy(chart + share * step)) > value - SUFFICIENT * share * fall:
             share /= 2
             if share < SHORTEST:
                 return chart
         chart, value = chart + share * step, moved
-        if fall <= max(AT_REST * value, UNSEEN):
-            break
     return chart
 
 
