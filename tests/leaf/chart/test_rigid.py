@@ -35,7 +35,8 @@ def test_a_chart_is_relaxed_at_least_as_far_as_by_hundreds_of_plain_steps(ellips
     plain = igl.arap_solve(start[triangles[0, 0]][np.newaxis], data, start)
     energy = RigidEnergy(sheet, triangles)
     assert energy(start) > 10 * energy(np.ascontiguousarray(plain))
-    assert energy(relax_rigidly(sheet, triangles, start)) <= energy(np.ascontiguousarray(plain))
+    rest = energy(relax_rigidly(sheet, triangles, start))
+    assert rest <= energy(np.ascontiguousarray(plain)) * (1 + tol.ROUNDED_SUM)
 
 
 def test_a_long_rough_sheet_rests_at_one_place_wherever_it_starts_from():
@@ -60,8 +61,9 @@ def test_the_derivatives_are_those_of_the_energy(ellipse_sheet):
     slope = (energy(after) - energy(before)) / (2 * tol.CHART_STEP)
     assert np.vdot(energy.gradient(chart), way) == pytest.approx(slope, rel=tol.CHART_DERIVATIVES)
     bend = (energy.gradient(after) - energy.gradient(before)) / (2 * tol.CHART_STEP)
-    found = (energy.hessian(chart) @ way.T.ravel()).reshape(2, -1).T
-    assert found == pytest.approx(bend, abs=tol.CHART_DERIVATIVES * np.abs(bend).max())
+    found, rows = np.empty(way.size), energy.pattern.unknowns
+    found[rows] = energy.hessian(chart) @ way.ravel()[rows]
+    assert found.reshape(-1, 2) == pytest.approx(bend, abs=tol.CHART_DERIVATIVES * np.abs(bend).max())
 
 
 def test_where_the_energy_curves_down_the_convex_hessian_does_not(ellipse_sheet):

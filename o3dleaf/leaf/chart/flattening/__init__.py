@@ -4,6 +4,7 @@
 `sheet_shape`  what a chart asks of a mesh
 `geodesics`    distances along a sheet
 `stretch`      how a chart stretches its sheet
+`elimination`  sparse matrices of a mesh, in an order to eliminate
 `rigid_energy` the energy of a chart that is as rigid as possible
 `newton_descent` a chart at rest
 `embedding`    maps of a sheet to the plane

@@ -1,12 +1,11 @@
 """Newton's method down the energy of a chart, to where it rests."""
 
 import numpy as np
-import scipy.sparse
-import scipy.sparse.linalg
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import look_for_stop
+from o3dleaf.leaf.chart.flattening.elimination import factorize
 from o3dleaf.leaf.chart.flattening.rigid_energy import RigidEnergy
 
 MAX_STEPS = 200
@@ -17,6 +16,8 @@ UNSEEN = 1e-20
 """Or the fall itself: lengths change by 1e-10 then, root mean square."""
 SUFFICIENT = 1e-4
 """Share of the fall that a step promises at its start which it must keep (Armijo 1966)."""
+ROUNDING = 1e-15
+"""Share of the energy by which it may come out higher: the last step lowers it by less than its own rounding."""
 SHORTEST = 1e-10
 """Share of a step that is tried last: what falls no more along it is at rest but for rounding."""
 SHIFT = 1e-13
@@ -39,7 +40,7 @@ def descend_to_rest(energy: RigidEnergy, chart: FloatArray) -> FloatArray:
             # The last one is taken whole: so small a fall is lost in the energy's own rounding.
             return chart + step
         share = 1.0
-        while (moved := energy(chart + share * step)) > value - SUFFICIENT * share * fall:
+        while (moved := energy(chart + share * step)) > value * (1 + ROUNDING) - SUFFICIENT * share * fall:
             share /= 2
             if share < SHORTEST:
                 return chart
@@ -49,25 +50,23 @@ def descend_to_rest(energy: RigidEnergy, chart: FloatArray) -> FloatArray:
 
 def _step(energy: RigidEnergy, chart: FloatArray, slope: FloatArray) -> FloatArray:
     """Return Newton's step (n, 2); where the energy curves down, that of what it is without."""
-    free = _free(chart, energy.used)
+    pattern, held = energy.pattern, _held(chart, energy.used)[energy.pattern.unknowns]
     for convex in (False, True):
-        matrix = energy.hessian(chart, convex=convex)[free][:, free]
-        matrix = matrix + SHIFT * scipy.sparse.diags_array(matrix.diagonal())
-        factors = scipy.sparse.linalg.splu(
-            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-        )
+        factors = factorize(pattern.hold(energy.hessian(chart, convex=convex), held, SHIFT))
         if convex or (factors.U.diagonal() > 0).all():
             break
     step = np.zeros(slope.size)
-    step[free] = -factors.solve(slope.T.ravel()[free])
-    return np.ascontiguousarray(step.reshape(2, -1).T)
+    step[pattern.unknowns] = factors.solve(np.where(held, 0.0, -slope.ravel()[pattern.unknowns]))
+    return step.reshape(-1, 2)
 
 
-def _free(chart: FloatArray, used: IntArray) -> IntArray:
-    """Return the unknowns that are left when the chart can neither be shifted nor turned: all u before all v."""
-    held = used[0]
-    away = chart - chart[held]
+def _held(chart: FloatArray, used: IntArray) -> BoolArray:
+    """Return which unknowns (2n,) are held so that the chart can neither be shifted nor turned; u before v of each."""
+    first = used[0]
+    away = chart - chart[first]
     turned = used[np.argmax(np.hypot(*away[used].T))]
     across = 0 if abs(away[turned, 1]) > abs(away[turned, 0]) else 1
-    unknowns = np.concatenate([used, used + len(chart)])
-    return np.setdiff1d(unknowns, [held, held + len(chart), turned + across * len(chart)])
+    held = np.ones(chart.shape, bool)
+    held[used] = False
+    held[first] = held[turned, across] = True
+    return held.ravel()

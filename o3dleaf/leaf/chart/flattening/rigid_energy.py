@@ -7,6 +7,7 @@ import scipy.sparse
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.leaf.chart.flattening.elimination import MeshPattern
 from o3dleaf.leaf.chart.flattening.stretch import laid_down
 
 
@@ -31,15 +32,17 @@ class RigidEnergy:
         self._share = area / area.sum()
         self._length, self._height = (np.where(area > 0, edge, np.inf) for edge in (length, height))
         self._along = np.where(area > 0, along, 0.0) / self._length
-        self._triangles, self.used = triangles, np.unique(triangles[area > 0])
+        self._triangles, self._count = triangles, len(vertices)
+        self.used = np.unique(triangles[area > 0])
         first, third = 1 / self._length, 1 / self._height
         x = np.stack([-first, first, np.zeros_like(first)], axis=1)
         y = np.stack([(self._along - 1) * third, -self._along * third, third], axis=1)
-        rows, shape = np.repeat(np.arange(len(triangles)), 3), (len(triangles), len(vertices))
-        self._turns, self._mirrors = (
-            scipy.sparse.csr_array(((part / 2).ravel(), (rows, triangles.ravel())), shape=shape)
-            for part in (x - 1j * y, x + 1j * y)
-        )
+        self._turns, self._mirrors = (x - 1j * y) / 2, (x + 1j * y) / 2
+
+    @cached_property
+    def pattern(self) -> MeshPattern:
+        """Where the Hessians have entries."""
+        return MeshPattern.of(self._triangles, self._count)
 
     def __call__(self, chart: FloatArray) -> float:
         """Return the energy of an (n, 2) chart."""
@@ -49,11 +52,13 @@ class RigidEnergy:
     def gradient(self, chart: FloatArray) -> FloatArray:
         """Return the (n, 2) gradient at a chart."""
         turn, mirror = self._maps(chart)
-        pull = self._turns.conj().T @ (self._share * (turn - _direction(turn)))
-        return _as_places(4 * (pull + self._mirrors.conj().T @ (self._share * mirror)))
+        pull = self._turns.conj() * (self._share * (turn - _direction(turn)))[:, np.newaxis]
+        pull = 4 * (pull + self._mirrors.conj() * (self._share * mirror)[:, np.newaxis]).ravel()
+        corners = self._triangles.ravel()
+        return np.column_stack([np.bincount(corners, part, len(chart)) for part in (pull.real, pull.imag)])
 
-    def hessian(self, chart: FloatArray, *, convex: bool = False) -> scipy.sparse.csr_array:
-        r"""Return the (2n, 2n) Hessian at a chart, all u before all v.
+    def hessian(self, chart: FloatArray, *, convex: bool = False) -> scipy.sparse.csc_array:
+        r"""Return the (2n, 2n) Hessian at a chart, its rows and columns in the order of the `pattern`.
 
         .. math:: 4 \left(L - \sum_t \frac{w_t}{|a_t|} s_t s_t^T\right), \qquad s_t δ = \mathrm{Im}\,\bar u_t a_t(δ)
 
@@ -68,17 +73,16 @@ class RigidEnergy:
         """
         turn, _ = self._maps(chart)
         size = np.maximum(np.abs(turn), 1.0 if convex else np.finfo(float).tiny)
-        aside = scipy.sparse.diags_array(_direction(turn).conj()) @ self._turns
-        aside = scipy.sparse.hstack([aside.imag, aside.real])
-        turning = aside.T @ scipy.sparse.diags_array(self._share / size) @ aside
-        return scipy.sparse.csr_array(4 * (self._flat - turning))
+        corners = _direction(turn).conj()[:, np.newaxis] * self._turns
+        aside = np.stack([corners.imag, corners.real], axis=2).reshape(-1, 6)
+        turning = (4 * self._share / size)[:, np.newaxis] * aside
+        return self.pattern.matrix(self._flat - turning[:, :, np.newaxis] * aside[:, np.newaxis])
 
     @cached_property
-    def _flat(self) -> scipy.sparse.csr_array:
-        """L (2n, 2n), the same at every chart."""
-        weights = scipy.sparse.diags_array(self._share)
-        flat = sum(part.conj().T @ weights @ part for part in (self._turns, self._mirrors)).real
-        return scipy.sparse.block_diag([flat, flat], format="csr")
+    def _flat(self) -> FloatArray:
+        """The share of each triangle in 4 L (m, 6, 6), the same at every chart."""
+        parts = (np.einsum("mi,mj->mij", part.conj(), part).real for part in (self._turns, self._mirrors))
+        return np.asarray(np.einsum("m,mij,ab->miajb", 4 * self._share, sum(parts), np.eye(2)).reshape(-1, 6, 6))
 
     def _maps(self, chart: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return a and b of each triangle, (m,) complex numbers each."""
@@ -93,8 +97,3 @@ def _direction(numbers: FloatArray) -> FloatArray:
     """Return complex numbers (m,) over their size, 1 for 0."""
     size = np.abs(numbers)
     return np.divide(numbers, size, out=np.ones_like(numbers), where=size > 0)
-
-
-def _as_places(numbers: FloatArray) -> FloatArray:
-    """Return complex numbers (n,) as (n, 2) ones."""
-    return np.ascontiguousarray(numbers).view(np.float64).reshape(-1, 2)
