@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse
 import scipy.sparse.linalg
 
@@ -23,15 +24,15 @@ class MeshPattern:
     ----------
     unknowns : (2n,) ndarray of int64
         Of each row, its place in an (n, 2) array of u and v, end to end: vertices in the order of their elimination.
-    indices, indptr : (e,), (2n + 1,) ndarrays
+    indices, indptr : (e,), (2n + 1,) ndarrays of int32
         Of the matrix by columns.
     places : (36 m,) ndarray of int64
         Of a triangle's (6, 6) entries, u and v of one corner after the other, among those of the matrix.
     """
 
     unknowns: IntArray
-    indices: IntArray
-    indptr: IntArray
+    indices: npt.NDArray[np.int32]
+    indptr: npt.NDArray[np.int32]
     places: IntArray
 
     @classmethod

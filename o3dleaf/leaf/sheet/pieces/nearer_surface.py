@@ -60,37 +60,57 @@ def tell_by_surface(
     spacing, noise : float
     """
     first = first.copy()
+    above = [Heights.unknown(len(free)) for _ in range(2)]
+    changed = np.arange(len(points))
     for _ in range(ROUNDS):
-        heights, inside = zip(
-            *(_heights(points[free], normals[free], points[first == own]) for own in (True, False)), strict=True
-        )
-        off = np.abs(np.stack(heights))
-        apart = np.abs(heights[0] - heights[1])
+        for own, sheet in zip((True, False), above, strict=True):
+            sheet.update(points[free], normals[free], points[first == own], points[changed])
+        off = np.abs(np.stack([sheet.height for sheet in above]))
+        apart = np.abs(above[0].height - above[1].height)
         near = (off.min(axis=0) < NEAR * spacing + SIGMAS * noise) & (apart < REACH * spacing)
-        near &= inside[0] & inside[1]
+        near &= above[0].inside & above[1].inside
         rows, nearer = free[near], off[0, near] < off[1, near]
-        changed = np.count_nonzero(first[rows] != nearer)
+        changed = rows[first[rows] != nearer]
         first[rows] = nearer
-        if changed <= SETTLED * len(rows):
+        if len(changed) <= SETTLED * len(rows):
             break
     if not _both_seen(points, first, rows, spacing):
         return None
     return Told(rows, first[rows], int(np.count_nonzero(apart[near] < UNSURE * noise)))
 
 
-def _heights(at: FloatArray, normals: FloatArray, points: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the heights (m,) of places over the surface through points (n, 3), and which lie among these (m,)."""
-    height, inside = np.empty(len(at)), np.empty(len(at), bool)
-    tree, count = cKDTree(points), min(NEAREST, len(points))
-    axes = _frames(normals)
-    for i, j in blocks(len(at), BATCH_SIZE):
-        distance, rows = query(tree, at[i:j], k=np.arange(1, count + 1))
-        size = np.maximum(distance[:, -1:], np.finfo(float).tiny)
-        u, v, w = np.einsum("nka,nba->bnk", points[rows] - at[i:j, np.newaxis], axes[i:j]) / size
-        mean = np.hypot(u.mean(axis=1), v.mean(axis=1))
-        inside[i:j] = mean < INSIDE * np.sqrt((u**2 + v**2).mean(axis=1))
-        height[i:j] = -size[:, 0] * _robust_value(np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1), w)
-    return height, inside
+class Heights(NamedTuple):
+    """Heights (m,) of places over a surface, which lie among the points it is found from, and these points' reach (m,).
+
+    The reach is the distance of the farthest one.
+    """
+
+    height: FloatArray
+    inside: BoolArray
+    reach: FloatArray
+
+    @classmethod
+    def unknown(cls, count: int) -> "Heights":
+        """Return those of places whose points are not known yet."""
+        return cls(np.empty(count), np.empty(count, bool), np.full(count, np.inf))
+
+    def update(self, at: FloatArray, normals: FloatArray, points: FloatArray, changed: FloatArray) -> None:
+        """Find them anew of places (m, 3) that one of the points `changed` (k, 3) is near to, gone or come since."""
+        if not len(changed):
+            return
+        anew = np.flatnonzero(query(cKDTree(changed), at)[0] <= self.reach)
+        tree, count = cKDTree(points), min(NEAREST, len(points))
+        for i, j in blocks(len(anew), BATCH_SIZE):
+            some = anew[i:j]
+            distance, rows = query(tree, at[some], k=np.arange(1, count + 1))
+            self.reach[some] = distance[:, -1] if count == NEAREST else np.inf
+            size = np.maximum(distance[:, -1:], np.finfo(float).tiny)
+            offsets = points[rows] - at[some, np.newaxis]
+            u, v, w = np.einsum("nka,nba->bnk", offsets, _frames(normals[some])) / size
+            mean = np.hypot(u.mean(axis=1), v.mean(axis=1))
+            self.inside[some] = mean < INSIDE * np.sqrt((u**2 + v**2).mean(axis=1))
+            terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
+            self.height[some] = -size[:, 0] * _robust_value(terms, w)
 
 
 def _robust_value(terms: FloatArray, height: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf.leaf.sheet.pieces.minimum_cut import CROSSING, Links, minimum_cut
-from o3dleaf.leaf.sheet.pieces.nearer_surface import tell_by_surface
+from o3dleaf.leaf.sheet.pieces.nearer_surface import Heights, tell_by_surface
 from o3dleaf.leaf.sheet.sheet import find_sheet
 from o3dleaf.samples.leaves.resting import drawn_leaves
 from tolerances import RESTING_AREA, RESTING_WRONG
@@ -148,3 +148,16 @@ def test_where_one_sheet_hides_the_other_heights_tell_nothing():
     free = np.flatnonzero(np.hypot(*points[:, :2].T) < 20)
     normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
     assert tell_by_surface(points, normals, upper, free, 1.0, 0.2) is None
+
+
+def test_heights_found_anew_where_points_changed_sides_are_those_found_from_all_points():
+    rng = np.random.default_rng(4)
+    points, upper = crossing(rng, 1.5, 0.2, both=True)
+    places, normals = points[:600], np.tile([0.0, 0.0, 1.0], (600, 1))
+    kept, before = Heights.unknown(len(places)), np.zeros(len(points), bool)
+    for now in (upper, upper ^ (rng.random(len(points)) < 0.002), upper):
+        kept.update(places, normals, points[now], points[now != before])
+        fresh = Heights.unknown(len(places))
+        fresh.update(places, normals, points[now], points)
+        assert all(np.array_equal(*each) for each in zip(kept, fresh, strict=True))
+        before = now
