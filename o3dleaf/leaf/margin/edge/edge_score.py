@@ -108,12 +108,18 @@ def crowded(noise: FloatArray, excess: float) -> FloatArray:
     return np.interp(noise, some, off)
 
 
-@cache
 def _root(noise: float, excess: float) -> float:
     """Return where an edge at 0 is found by single points of some noise, in spacings: where their scores are 1."""
+    edges, whole, strip = _sums(noise)
+    return float(np.interp(-1.0, -(whole + excess / CUT * strip), edges))
+
+
+@cache
+def _sums(noise: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return places of an edge (k,), and sums of scores there of points of a density inside it and of those `CUT`."""
     blur, sharp = float(np.hypot(BLUR, noise)), max(noise, 1e-9)
     edges, x = np.linspace(-1.0, 1.0, 101), np.linspace(-TABLE_END * blur, TABLE_END * blur, 4001)
     whole = ndtr(-x / sharp)
-    density = whole + excess / CUT * (whole - ndtr(-(x + CUT) / sharp))
-    sums = np.trapezoid(density * score((edges[:, None] - x) / blur), x, axis=1) / blur
-    return float(np.interp(-1.0, -sums, edges))
+    scores = score((edges[:, None] - x) / blur) / blur
+    strip = whole - ndtr(-(x + CUT) / sharp)
+    return edges, *(np.trapezoid(density * scores, x, axis=1) for density in (whole, strip))
