@@ -123,9 +123,9 @@ def _fit_places(points: FloatArray, tree: cKDTree, rows: IntArray, count: int) -
 def _fit_some(points: FloatArray, tree: cKDTree, rows: IntArray, count: int) -> _Places:
     near = points[query(tree, points[rows], k=count)[1]]
     centered = near - near.mean(axis=1, keepdims=True)
-    axes = np.linalg.eigh(np.einsum("mki,mkj->mij", centered, centered))[1]
-    local = np.einsum("mki,mij->mkj", near - points[rows][:, np.newaxis], axes)
-    beside = (local[..., 1:] ** 2).sum(axis=2)
+    axes = np.linalg.eigh(centered.mT @ centered)[1]
+    local = (near - points[rows][:, np.newaxis]) @ axes
+    beside = local[..., 1] ** 2 + local[..., 2] ** 2
     seen = np.argsort(beside, axis=1, kind="stable")[:, :SEEN]
     local = np.take_along_axis(local, seen[..., np.newaxis], axis=1)
     radius = np.sqrt(np.take_along_axis(beside, seen[:, -1:], axis=1)[:, 0])
@@ -153,10 +153,9 @@ def _quadric(place: FloatArray) -> FloatArray:
 
 def _residuals(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the coefficients (m, c) and residuals (m, k) of least squares, of columns (m, k, c) and values (m, k)."""
-    normal = np.einsum("mki,mkj->mij", columns, columns)
-    right = np.einsum("mki,mk->mi", columns, values)
-    coefficients = np.einsum("mij,mj->mi", np.linalg.pinv(normal, hermitian=True), right)
-    return coefficients, values - np.einsum("mki,mi->mk", columns, coefficients)
+    right = columns.mT @ values[..., np.newaxis]
+    coefficients = np.linalg.pinv(columns.mT @ columns, hermitian=True) @ right
+    return coefficients[..., 0], values - (columns @ coefficients)[..., 0]
 
 
 def _split(values: FloatArray) -> FloatArray:
