@@ -63,20 +63,37 @@ def cut_across(outline: Any, points: FloatArray, normals: FloatArray) -> tuple[F
 
     Of a section in several parts the one nearest to its point counts; where there is none, the point with length 0.
     """
-    reach = float(np.hypot(*np.ptp(np.asarray(outline.exterior.coords), axis=0)))
-    ends = np.stack([points - reach * normals, points + reach * normals], axis=1)
-    parts, owner = shapely.get_parts(shapely.intersection(shapely.linestrings(ends), outline), return_index=True)
-    lines = (shapely.get_type_id(parts) == shapely.GeometryType.LINESTRING) & ~shapely.is_empty(parts)
-    parts, owner = parts[lines], owner[lines]
-    away = shapely.distance(parts, shapely.points(points[owner]))
-    order = np.lexsort((away, owner))
+    start, stop, owner = _parts_along(outline, points, normals)
+    whole = stop > start
+    start, stop, owner = start[whole], stop[whole], owner[whole]
+    order = np.lexsort((np.maximum(0.0, np.maximum(start, -stop)), owner))
     nearest = order[np.unique(owner[order], return_index=True)[1]]
-    middles, lengths = points.copy(), np.zeros(len(points))
-    middles[owner[nearest]] = shapely.get_coordinates(
-        shapely.line_interpolate_point(parts[nearest], 0.5, normalized=True)
-    )
-    lengths[owner[nearest]] = shapely.length(parts[nearest])
+    middle, length = (start + stop) / 2, stop - start
+    middles, lengths, owner = points.copy(), np.zeros(len(points)), owner[nearest]
+    middles[owner] += middle[nearest, np.newaxis] * normals[owner]
+    lengths[owner] = length[nearest]
     return middles, lengths
+
+
+def _parts_along(outline: Any, points: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return where on lines through points (k, 2) along unit normals parts inside begin and end (m,), and which line's.
+
+    A line goes in and out where it crosses the rings in turn; a corner on it belongs to the line's left side.
+    """
+    across = np.stack([normals[:, 1], -normals[:, 0]])
+    places, lines = [], []
+    for ring in (outline.exterior, *outline.interiors):
+        corners = np.asarray(ring.coords)
+        side = corners @ across - np.einsum("ki,ik->k", points, across)
+        edge, line = np.nonzero((side[1:] < 0) != (side[:-1] < 0))
+        first, second = side[edge, line], side[edge + 1, line]
+        share = (first / (first - second))[:, np.newaxis]
+        met = corners[edge] + share * (corners[edge + 1] - corners[edge])
+        places.append(np.einsum("ki,ki->k", met - points[line], normals[line]))
+        lines.append(line)
+    place, line = np.concatenate(places), np.concatenate(lines)
+    order = np.lexsort((place, line))
+    return place[order[::2]], place[order[1::2]], line[order[::2]]
 
 
 def leave_along(outline: Any, start: FloatArray, direction: FloatArray) -> FloatArray:
