@@ -6,10 +6,10 @@ are spread across and above as on the stalk, up to the place, and lie on the bla
 """
 
 import numpy as np
-from scipy.special import ndtr
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.chart.stalk.kink_loops import add_margin_costs
 from o3dleaf.leaf.chart.stalk.stalk_points import StalkLine, StalkPoints
 
 REACH = 2.0
@@ -66,9 +66,7 @@ def outside_cost(points: StalkPoints, line: StalkLine, places: FloatArray, end: 
     density, soft = 1 / points.spacing**2, np.hypot(points.noise, SOFT * points.spacing)
     fringe = _fringe(points, line, nearest, beside)
     cost = density * area + np.log(max(2, len(at))) * (A > 0)
-    for x, y, stalk in zip(at, beside, fringe, strict=True):
-        inside = np.minimum((A + M * (x - K) - y) / np.sqrt(1 + M * M), x - K)
-        cost -= np.log(density * (ndtr(inside / soft) + STRAY) + stalk)
+    add_margin_costs(at, beside, fringe, places, SLOPES, line.width * JUMPS, density, float(soft), STRAY, cost)
     return np.asarray(cost.reshape(len(places), -1).min(axis=1))
 
 
