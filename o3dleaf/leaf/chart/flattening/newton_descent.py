@@ -16,8 +16,6 @@ UNSEEN = 1e-20
 """Or the fall itself: lengths change by 1e-10 then, root mean square."""
 SUFFICIENT = 1e-4
 """Share of the fall that a step promises at its start which it must keep (Armijo 1966)."""
-ROUNDING = 1e-15
-"""Share of the energy by which it may come out higher: the last step lowers it by less than its own rounding."""
 SHORTEST = 1e-10
 """Share of a step that is tried last: what falls no more along it is at rest but for rounding."""
 SHIFT = 1e-13
@@ -40,7 +38,7 @@ def descend_to_rest(energy: RigidEnergy, chart: FloatArray) -> FloatArray:
             # The last one is taken whole: so small a fall is lost in the energy's own rounding.
             return chart + step
         share = 1.0
-        while (moved := energy(chart + share * step)) > value * (1 + ROUNDING) - SUFFICIENT * share * fall:
+        while (moved := energy(chart + share * step)) > value - SUFFICIENT * share * fall:
             share /= 2
             if share < SHORTEST:
                 return chart
