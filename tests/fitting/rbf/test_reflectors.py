@@ -93,7 +93,7 @@ def test_small_systems_are_solved_as_large_ones_are(size):
         np.testing.assert_allclose(few, many, rtol=ROUNDING * np.linalg.cond(factor[: None if factor is rows else 1]))
 
 
-@pytest.mark.parametrize("count", [1, cholesky_loops.STRIP, cholesky_loops.STRIP + 1])
+@pytest.mark.parametrize("count", [1, *(cholesky_loops.BLOCK * np.array([1, 3, 5]) + [0, 5, 1])])
 def test_a_triangle_times_its_inverse_is_one(count):
     """Also as Python, which, unlike machine code, raises where an array has no such place."""
     lower = np.tril(np.random.default_rng(count).uniform(-1, 1, (count, count))) / count + np.eye(count)
