@@ -3,13 +3,16 @@ import pytest
 import shapely
 import shapely.affinity
 from scipy.spatial import cKDTree
+from scipy.special import log_ndtr
 
 import planar_leaves as leaves
-from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample
-from o3dleaf.leaf.margin.edge.edge_noise import edge_noise, with_edge_noise
+from o3dleaf.leaf.margin.edge.edge_fit import most_likely
+from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample, edge_frame
+from o3dleaf.leaf.margin.edge.edge_noise import edge_noise, log_likelihood, with_edge_noise
+from o3dleaf.leaf.margin.edge.edge_score import blurred
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.margin.margin_curve import Spacing
-from tolerances import DRAWN_IN, EDGE_NOISE
+from tolerances import DRAWN_IN, EDGE_GAIN, EDGE_NOISE
 
 RADIUS = 20.0
 DISC = shapely.Point(0, 0).buffer(RADIUS, quad_segs=256)
@@ -34,6 +37,28 @@ def test_noise_in_the_plane_is_found_by_how_it_blurs_the_edge(noise):
     found = [edge_noise(circle, NO_TIPS, sample) / spacing for circle, sample, spacing in cases]
     assert np.mean(found) == pytest.approx(noise, abs=EDGE_NOISE)
     assert max(found) <= 1.5 * LARGEST
+
+
+def test_a_fitted_curve_gains_as_much_likelihood_as_is_taken_off():
+    """Over the true one, a circle, in the mean: the noise is known, and the curve averages over four spacings."""
+    noise, width = 0.5, 4.0
+    gained, told = [], []
+    for seed in range(100):
+        circle, sample, _ = scanned(noise, seed)
+        frame = edge_frame(circle, NO_TIPS, sample)
+        count = len(frame.curve)
+        blur, still = np.full(count, noise), np.zeros(count)
+        given = blur, np.ones(count, bool), np.full(count, width)
+        stiffness = blurred(blur).information * blurred(blur).blur / blur * width**6
+        moved = most_likely(frame, blur, stiffness, still)
+        gained.append(raw_likelihood(frame, moved, blur) - raw_likelihood(frame, still, blur))
+        told.append(raw_likelihood(frame, moved, blur) - log_likelihood(frame, moved, *given))
+    assert np.mean(told) == pytest.approx(np.mean(gained), rel=EDGE_GAIN)
+
+
+def raw_likelihood(frame, moved, blur):
+    """The logarithm of the likelihood of the points about a curve, up to a constant."""
+    return log_ndtr((moved[frame.node] - frame.across) / blur[frame.node]).sum() - (frame.length * moved).sum()
 
 
 def test_noise_that_the_edge_does_not_show_draws_no_margin_in():

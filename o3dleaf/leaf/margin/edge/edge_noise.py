@@ -12,7 +12,7 @@ from scipy.special import log_ndtr
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.edge.edge_fit import most_likely, widened
 from o3dleaf.leaf.margin.edge.edge_frame import INSIDE, EdgeFrame, EdgeSample, edge_frame
-from o3dleaf.leaf.margin.edge.edge_score import blurred
+from o3dleaf.leaf.margin.edge.edge_score import KERNEL, KERNEL_SQUARE, blurred, score
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
 SHARES = np.linspace(0.0, 1.5, 7)
@@ -35,8 +35,7 @@ def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> flo
     of the distances x of the points from a curve that is moved by d, as in `fit_edge`. Tips, where the other flank is
     near, do not count. A corner that the curve cuts passes for some noise; to leave out where the curve is as soft as
     it can be would leave out the outermost points with it, and find half of a noise of 0.2 spacings. What the curve
-    gains by being fitted to the points is left in: the noise comes out a tenth too small, but with it at its size the
-    leaves of `scripts/bench_leaves.py` come out too small.
+    gains by being fitted to the points is taken off (`_gained`): a sharper edge gains more.
 
     Parameters
     ----------
@@ -46,6 +45,11 @@ def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> flo
         Its sharp tips, points of the curve.
     sample : EdgeSample
         With the deviation that is expected.
+
+    References
+    ----------
+    Takeuchi, K. (1976): Distribution of information statistics and criteria for adequacy of models. Suri Kagaku 153,
+    12-18 (in Japanese).
     """
     frame = edge_frame(curve, apexes, sample)
     seen = blurred(frame.noise)
@@ -58,7 +62,7 @@ def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> flo
             likelihood[row] = likelihood[row + 1]
             continue
         moved = most_likely(frame, tried, seen.information * seen.blur / tried * bandwidth**6, moved, STEPS)
-        likelihood[row], before = _log_likelihood(frame, moved, tried, deep), tried
+        likelihood[row], before = log_likelihood(frame, moved, tried, deep, bandwidth), tried
     return _peak(likelihood) * sample.noise
 
 
@@ -69,11 +73,38 @@ def with_edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -
     return replace(sample, noise=edge_noise(curve, apexes, sample))
 
 
-def _log_likelihood(frame: EdgeFrame, moved: FloatArray, blur: FloatArray, counted: BoolArray) -> float:
-    """Return the logarithm of the likelihood of the points at some nodes, up to a constant."""
-    rows = counted[frame.node]
-    node, across = frame.node[rows], frame.across[rows]
-    return float(log_ndtr((moved[node] - across) / blur[node]).sum() - (frame.length * moved)[counted].sum())
+def log_likelihood(
+    frame: EdgeFrame, moved: FloatArray, blur: FloatArray, counted: BoolArray, bandwidth: FloatArray
+) -> float:
+    """Return the logarithm of the likelihood of the points at some nodes, up to a constant.
+
+    It is that of a curve in the mean, without what one gains that is fitted to the points (`_gained`).
+    """
+    rows, length = counted[frame.node], frame.length * counted
+    node = frame.node[rows]
+    z = (moved[node] - frame.across[rows]) / blur[node]
+    fitted = log_ndtr(z).sum() - (length * moved).sum()
+    return float(fitted - _gained(z, blur[node], float((length / bandwidth).sum())))
+
+
+def _gained(z: FloatArray, blur: FloatArray, lengths: float) -> float:
+    """Return what the logarithm of a likelihood gains in the mean by a curve that is fitted to the points.
+
+    It is tr (S - S²/2) V/H for a smoothing S of traces `KERNEL` and `KERNEL_SQUARE` for each bandwidth of the margin, H
+    what the likelihood is bent by and V the variance of its slope, as the sum of squares of the points' scores. Both
+    are equal at the true blur; at a sharper one V is larger (Takeuchi 1976).
+
+    Parameters
+    ----------
+    z, blur : (m,) ndarrays
+        Of points, how far inside the edge in `blur`s, and these in spacings.
+    lengths : float
+        Of the margin, in bandwidths.
+    """
+    scores = score(z)
+    bend = float((scores * (scores + z) / blur**2).sum())
+    freedom = lengths * (KERNEL - KERNEL_SQUARE / 2)
+    return freedom * float((scores**2 / blur**2).sum()) / bend if bend > 0 else 0.0
 
 
 def _peak(likelihood: FloatArray) -> float:
