@@ -101,7 +101,7 @@ def test_open_data_are_left_as_they_are(degrees):
 
 @pytest.mark.parametrize(("length", "noise"), [(4, 0.0), (4, 0.7), (8, 0.3)])
 def test_the_open_end_of_a_narrow_tube_is_left_as_it_is(length, noise):
-    """Past its rim it shows as little as a blunt tip does; the gap in front is ten spacings wide, or seven and a half."""
+    """Past its rim it shows as little as a blunt tip does; the gap in front is 10 spacings wide, or 7.5."""
     points, normals = tube(800, length, noise)
     auto, said = reconstructed(points, normals)
     assert said[0].startswith("the surface is open: 1 rim,")
