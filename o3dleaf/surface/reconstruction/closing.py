@@ -90,11 +90,11 @@ def follow_surface(
             vertices = surface.vertices()
             fresh = vertices[anew(vertices)]  # elsewhere the surface is as far as it was
             far = np.concatenate([far[~anew(far)], fresh[looking.is_far(fresh)]])
-            over = far[looking.overshooting(far)]
-            sites = looking.sites(asked, over) if len(over) else NO_SITES
+            over = looking.overshoots(asked, far)
+            sites = looking.sites(asked, over)
             if not len(sites.sites):
                 break
-            places = max(places, _count_places(over, surface.widths_at(over)))
+            places = max(places, _count_places(over.places, surface.widths_at(over.places)))
             data = _joined(fitted_to() if data is None else data, sites)
             known = FreeSites(*(np.concatenate(pair) for pair in zip(known, sites, strict=True)))
             changed, field = partial(field.index.share_ball, sites.sites), field.with_points(data, len(sites.sites))

@@ -2,22 +2,28 @@
 
 A field knows its data alone. Beyond a tip whose points have normals to both sides only, two sheets go on side by side,
 as they would past the rim of an open sheet, for nothing says that there is no matter. The winding number does: it sees
-where all data lie.
+where all data lie. Past a rim it does not see how wide the gap is, narrow tubes' ends being like blunt tips; what is
+between the data in front of such a place does.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from functools import cached_property, partial
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.reconstruction.proximity import data_around, distance_mask, nearest_points
 from o3dleaf.surface.reconstruction.solid_angle import WindingNumber
+from o3dleaf.surface.reconstruction.trim import FACTOR
+
+T = TypeVar("T")
 
 FAR = 1.5
 """Spacings from the data beyond which a surface is looked at: of random points one in a thousand leaves such a gap."""
@@ -25,9 +31,16 @@ FAR = 1.5
 WIDE = 2.0
 """Spacings from the data within which nothing is trimmed: of random points a few in a million leave such a gap."""
 
-OUTSIDE, INSIDE = -0.7, 0.5
-"""Share by which data must close around a place, 2 w − 1, for it to be no gap. Past the rim of a bowl it is −1/2 where
-that is a hemisphere, and nearer −1 the flatter it is; the middle of a gap is 0. No open sheet has w above 1/2 there."""
+OUTSIDE, INSIDE = -0.5, 0.5
+"""Share by which data must close around a place, 2 w − 1, for it to be no gap, unless it is beside one. Past the rim of
+a bowl it is −1/2 where that is a hemisphere, and nearer −1 the flatter it is. No open sheet has w above 1/2 there."""
+
+MIDDLE = 0.4
+"""Share up to which a place `FACTOR` spacings from the data, where the ball of `trim_to_data` can stand, is in the
+middle of a gap that stays open: in a slit five spacings wide it is there."""
+
+ASIDE = 2 * FACTOR
+"""Spacings from such a place, the width of a gap, within which nothing is corrected."""
 
 CLOSING = 0.25
 """Level of a cloud, half way between a sheet's and a closed surface's, above which its data close around."""
@@ -95,48 +108,67 @@ class Surroundings:
         """Return which places (n, 3) are farther from the data than so many of their spacings."""
         return ~distance_mask(self.data, factor=than)(places)
 
-    def overshooting(self, places: FloatArray) -> BoolArray:
-        """Return which places (n,) of a surface far from the data are no gap in them, or in a wide gap to be closed."""
+    def overshoots(self, field: Field, places: FloatArray) -> "Overshoots":
+        """Return which places (n, 3) of a surface far from the data are no gap in them, or in a gap to be closed."""
         if not len(places) or not self.closing:
-            return np.zeros(len(places), dtype=bool)
+            return Overshoots(places[:0], places[:0])
         if self.everywhere:
-            return self.is_far(places, WIDE)
-        sure = self.decisive(self.depth(places))
-        near, place = np.unique(nearest_points(self.data.tree, places[sure])[1], return_inverse=True)
+            return Overshoots(places[self.is_far(places, WIDE)], places[:0])
+        sure = places[self.decisive(self.depth(places))]
+        near, place = np.unique(nearest_points(self.data.tree, sure)[1], return_inverse=True)
         if len(near):
-            sure[sure] = (self.winding.levels(near) * np.sign(self.level) > LOCAL)[place]
-        return sure
+            sure = sure[(self.winding.levels(near) * np.sign(self.level) > LOCAL)[place]]
+        gaps = [
+            part for start, pitch in self._lattices(sure) for part in _flood(partial(self._gap, field, pitch), start)
+        ]
+        found = Overshoots(sure, np.concatenate([places[:0], *gaps]))
+        return Overshoots(sure[~found.beside_gaps(sure, self._spacing_at(sure))], found.gaps)
 
     def decisive(self, depth: FloatArray) -> BoolArray:
         """Return at which depths (n,) a place is no gap."""
-        share = depth * (1.0 if self.level >= 0 else -1.0)
+        share = depth * self._facing
         return np.asarray((share < OUTSIDE) | (share > INSIDE))
 
-    def sites(self, field: Field, places: FloatArray) -> FreeSites:
-        """Return where a field is wrong around such places, on lattices as fine as the data there."""
-        spacing = self.data.point_spacing[data_around(self.data, places)[1]]
-        octave = np.floor(np.log2(spacing / spacing.min())).astype(np.int64)
-        found = []
+    def sites(self, field: Field, over: "Overshoots") -> FreeSites:
+        """Return where a field is wrong around overshoots, on lattices as fine as the data there."""
+        found = [NO_SITES]
+        for start, pitch in self._lattices(over.places):
+            found += _flood(partial(self._correction, field, over, pitch), start)
+        return FreeSites(*(np.concatenate(part) for part in zip(*found, strict=True)))
+
+    @property
+    def _facing(self) -> float:
+        """1, or −1 where normals point into what is closed, which has a field below 0."""
+        return 1.0 if self.level >= 0 else -1.0
+
+    def _spacing_at(self, places: FloatArray) -> FloatArray:
+        return self.data.point_spacing[data_around(self.data, places)[1]]
+
+    def _lattices(self, places: FloatArray) -> Iterator[tuple[IntArray, float]]:
+        """Yield cells (n, 3) at places, each once, of lattices as fine as the data there, and the lattice's pitch."""
+        spacing = self._spacing_at(places)
+        octave = np.floor(np.log2(spacing / spacing.min(initial=np.inf))).astype(np.int64)
         for each in np.unique(octave):
             pitch = float(np.median(spacing[octave == each]))
-            found += list(self._flood(field, np.round(places[octave == each] / pitch).astype(np.int64), pitch))
-        return FreeSites(*(np.concatenate(part) for part in zip(*found, strict=True))) if found else NO_SITES
+            yield np.unique(np.round(places[octave == each] / pitch).astype(np.int64), axis=0), pitch
 
-    def _flood(self, field: Field, start: IntArray, pitch: float) -> Iterator[FreeSites]:
-        """Yield the sites of a lattice from cells (n, 3) on, neighbor by neighbor, as far as the field is wrong.
+    def _gap(self, field: Field, pitch: float, cells: IntArray) -> tuple[IntArray, FloatArray]:
+        """Return which cells (n, 3) of a lattice lead on from a place past a rim, and the middles of gaps among them.
 
-        A cell around a front that is wrong too was met with that front or the one before, else its own neighbors would
-        have been met earlier; one that is right may be met again, and has no site.
+        They are what a field takes for matter although it is off the data, but not enclosed.
         """
-        cells, before, count = np.unique(start, axis=0), np.empty((0, 3), dtype=np.int64), 0
-        while len(cells) and count < MAX_SITES:
-            wrong, found = self._judge(field, cells, pitch)
-            yield found
-            count += len(found.sites)
-            around = (cells[wrong][:, np.newaxis] + STEPS).reshape(-1, 3)
-            cells, before = _without(around, np.concatenate([before, cells])), cells
+        places = np.asarray(cells * pitch, dtype=np.float64)
+        rows = np.flatnonzero(self._facing * field(places) > 0)
+        around, nearest = data_around(self.data, places[rows])
+        ratio = around / self.data.point_spacing[nearest]
+        between = (ratio > NEAREST) & (ratio < FARTHEST)
+        rows, ratio = rows[between], ratio[between]
+        share = self._facing * self.depth(places[rows])
+        return rows[share < INSIDE], places[rows[(ratio > FACTOR) & (np.abs(share) < MIDDLE)]]
 
-    def _judge(self, field: Field, cells: IntArray, pitch: float) -> tuple[IntArray, FreeSites]:
+    def _correction(
+        self, field: Field, over: "Overshoots", pitch: float, cells: IntArray
+    ) -> tuple[IntArray, FreeSites]:
         """Return which cells (n, 3) of a lattice a field is wrong about, and what is right there, as dense as the data.
 
         Where a gap leads from close data to sparse ones, only every second, fourth, ... place of the lattice is a site:
@@ -145,19 +177,50 @@ class Surroundings:
         places = np.asarray(cells * pitch, dtype=np.float64)
         close = nearest_points(self.data.tree, places)
         around, nearest = data_around(self.data, places, close)
-        ratio, distance = around / self.data.point_spacing[nearest], close[0]
+        spacing, distance = self.data.point_spacing[nearest], close[0]
+        ratio = around / spacing
         rows = np.flatnonzero((ratio > NEAREST) & (self.everywhere | (ratio < FARTHEST)))
         depth = self.depth(places[rows])
         value = depth * distance[rows]
         wrong = (np.sign(field(places[rows])) != np.sign(depth)) & self.decisive(depth) & (ratio[rows] < FARTHEST)
+        wrong &= ~over.beside_gaps(places[rows], spacing[rows])
         if self.everywhere:
             wrong |= (np.abs(value) < BAND * pitch) & ~self.decisive(depth)
-        coarser = np.exp2(np.floor(np.log2(self.data.point_spacing[nearest[rows]] / pitch)).clip(0)).astype(np.int64)
+        coarser = np.exp2(np.floor(np.log2(spacing[rows] / pitch)).clip(0)).astype(np.int64)
         site = wrong & (cells[rows] % coarser[:, np.newaxis] == 0).all(axis=1)
         return rows[wrong], FreeSites(places[rows[site]], value[site])
 
 
+class Overshoots(NamedTuple):
+    """Places (n, 3) of a surface past data that close around them, and middles (m, 3) of gaps that stay open."""
+
+    places: FloatArray
+    gaps: FloatArray
+
+    def beside_gaps(self, places: FloatArray, spacing: FloatArray) -> BoolArray:
+        """Return which places (n, 3) are beside such gaps, where the data have a spacing (n,)."""
+        if not len(self.gaps):
+            return np.zeros(len(places), dtype=bool)
+        return np.asarray(query(cKDTree(self.gaps), places)[0] < ASIDE * spacing)
+
+
 NO_SITES = FreeSites(np.empty((0, 3)), np.empty(0))
+
+
+def _flood(judge: Callable[[IntArray], tuple[IntArray, T]], cells: IntArray) -> Iterator[T]:
+    """Yield what is found from cells (n, 3) of a lattice on, neighbor by neighbor.
+
+    ``judge(cells) -> rows, found`` says from which to go on. A cell around a front that is one of those was met with
+    that front or the one before, else its own neighbors would have been met earlier; another may be met again, and
+    nothing is found there.
+    """
+    before, count = np.empty((0, 3), dtype=np.int64), 0
+    while len(cells) and count < MAX_SITES:
+        onward, found = judge(cells)
+        yield found
+        count += len(onward)
+        around = (cells[onward][:, np.newaxis] + STEPS).reshape(-1, 3)
+        cells, before = _without(around, np.concatenate([before, cells])), cells
 
 
 def _without(cells: IntArray, seen: IntArray) -> IntArray:

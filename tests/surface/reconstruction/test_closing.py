@@ -11,7 +11,7 @@ from o3dleaf.core.journal import Journal
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.fitting.local.fitter import ScatteredData
 from o3dleaf.surface.reconstruction.fit import surface_data
-from o3dleaf.surface.reconstruction.overshoots import Surroundings
+from o3dleaf.surface.reconstruction.overshoots import Overshoots, Surroundings
 from tolerances import BOX_INDEPENDENCE, CLOSED_GAP, SITES_TO_DATA
 
 
@@ -56,6 +56,19 @@ def opened(count, degrees, seed=1):
     return points[left], normals[left]
 
 
+def tube(count, length, noise, seed=1):
+    """Return points of a tube of radius 1, one end of which is a half sphere, with noise in spacings, and normals."""
+    rng = np.random.default_rng(seed)
+    along, angle = rng.uniform(-length, 1, count), rng.uniform(0, 2 * np.pi, count)
+    height = np.maximum(along, 0)
+    across = np.sqrt(1 - height**2)
+    normals = np.column_stack([across * np.cos(angle), across * np.sin(angle), height])
+    spacing = np.sqrt(2 * np.pi * (length + 1) / count)
+    return normals + np.minimum(along, 0)[:, np.newaxis] * [0, 0, 1] + noise * spacing * rng.normal(
+        size=normals.shape
+    ), normals
+
+
 def test_a_thin_solid_is_closed_whatever_its_field_does_beyond_the_rim():
     thickness, noise = 1.5, 0.25
     mesh, said = reconstructed(*lens(3_000, thickness, noise))
@@ -80,6 +93,16 @@ def test_so_it_is_of_whatever_is_fitted_in_the_balls(local):
 def test_open_data_are_left_as_they_are(degrees):
     """A bowl is no gap in a sphere: of no field beyond its rim is it known that it is wrong."""
     points, normals = opened(3_000, degrees)
+    auto, said = reconstructed(points, normals)
+    assert said[0].startswith("the surface is open: 1 rim,")
+    for one, other in zip(mesh_arrays(auto), mesh_arrays(reconstructed(points, normals, closed=False)[0]), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(("length", "noise"), [(4, 0.0), (4, 0.7), (8, 0.3)])
+def test_the_open_end_of_a_narrow_tube_is_left_as_it_is(length, noise):
+    """Past its rim it shows as little as a blunt tip does; the gap in front is 10 spacings wide, or 7.5."""
+    points, normals = tube(800, length, noise)
     auto, said = reconstructed(points, normals)
     assert said[0].startswith("the surface is open: 1 rim,")
     for one, other in zip(mesh_arrays(auto), mesh_arrays(reconstructed(points, normals, closed=False)[0]), strict=True):
@@ -165,7 +188,8 @@ def test_sites_in_a_gap_are_no_denser_than_the_data_around_it():
     points = points[dense | (rng.random(len(points)) < 1 / 16)]  # spacings of one and four
     cloud = OrientedCloud.of(points, points)
     start = points[np.argmin(points[:, 2])][np.newaxis] * (1 - 2 * cloud.point_spacing.min())
-    sites = Surroundings(cloud).sites(lambda at: np.full(len(at), -1.0), start).sites
+    over = Overshoots(start, start[:0])
+    sites = Surroundings(cloud).sites(lambda at: np.full(len(at), -1.0), over).sites
     spacing = cloud.point_spacing[cloud.tree.query(sites)[1]]
     nearest = cKDTree(sites).query(sites, k=2)[0][:, 1]
     assert (spacing > 2 * spacing.min()).any()  # the gap leads from close data to sparse ones
@@ -179,15 +203,16 @@ def test_a_gap_is_followed_place_by_place():
     cloud = OrientedCloud.of(points, normals)
     around = Surroundings(cloud)
     reach = float(np.linalg.norm(points, axis=1).mean() - 2 * cloud.spacing)
-    judged, judge = [], Surroundings._judge
+    judged, judge = [], Surroundings._correction
+    over = Overshoots(np.array([[0.0, 0.0, -reach]]), np.empty((0, 3)))
 
-    def counted(self, field, cells, pitch):
+    def counted(self, field, over, pitch, cells):
         judged.append(len(cells))
-        return judge(self, field, cells, pitch)
+        return judge(self, field, over, pitch, cells)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Surroundings, "_judge", counted)
-        sites = around.sites(lambda at: np.full(len(at), -1.0), np.array([[0.0, 0.0, -reach]])).sites
+        patch.setattr(Surroundings, "_correction", counted)
+        sites = around.sites(lambda at: np.full(len(at), -1.0), over).sites
     assert len(judged) > 20  # from one pole to the other
     assert len(sites) > 500
     assert len(np.unique(sites, axis=0)) == len(sites)
