@@ -1140,7 +1140,7 @@ EDGE_NOISE = 0.06
 and 0.02; where the fitted curve's gain is not taken off 0.00, 0.09 and 0.04; taken for that across the surface it would
 be 0.5 wrong, and 0.25."""
 EDGE_GAIN = 0.1
-"""Relative, of a hundred discs: 6 are gained, whose mean is known to 4 %; half a smoothing's trace is 0.14 too small."""
+"""Relative, of a hundred discs: 6 are gained, known to 4 % in the mean; half a smoothing's trace is 0.14 too small."""
 
 DRAWN_IN = 0.01
 """Of the area of an ellipse twelve spacings wide, mean of six: found 0.001; where noise across the surface is taken for
