@@ -28,6 +28,9 @@ OUTLIERS = partial(detect_outliers, max_ratio=np.inf)
 """Points that lie apart; those of a leaf's tip are sparser than their neighbors."""
 RESOLVED = 2.0
 """Spacings that a petiole is wide at least: of what is narrower the scan shows no cross-section."""
+ROW = 1.0
+"""Spacings that one is wide at least where it is cut off: what is narrower is a single row of points, as the outermost
+line of a scan whose lines lie far apart is."""
 COMMON = 0.25
 """Of its distance from the middle of the leaf, that an end has its way in common with others, at most."""
 LARGEST = 3.0
@@ -114,7 +117,7 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
         junction = find_junction(points, each, stretch, spacing, noise) if shows else None
         # A tip tapers over many of its widths, most of them beyond what few points show to be straight.
         is_narrow = sections.is_narrow_from(stretch.last)
-        if junction is None or (is_narrow and junction.width < RESOLVED * spacing):
+        if junction is None or junction.width < (RESOLVED if is_narrow else ROW) * spacing:
             why = NO_JUNCTION if shows and junction is None else FEW
             told = why == NO_JUNCTION or not is_narrow
             if told and not is_one_of_several(ways, distance <= stretch.last, distance, noise):

@@ -184,6 +184,15 @@ def test_a_petiole_whose_junction_nothing_shows_is_told_of_a_narrow_leaf_too(mon
     assert petiole_module.NO_JUNCTION in told
 
 
+def test_the_outermost_line_of_a_scan_is_no_petiole():
+    """Lines lie four spacings apart, so that it hangs on the leaf by its end alone; noise makes it 0.6 of one wide."""
+    leaf = samples.leaf_shape("cupped")
+    points = samples.scan_leaf(leaf, seed=1, spacing=0.7, noise=0.2, pattern="stripes").points
+    kept, petiole, _ = find_petiole(points, OrientedCloud.of(points).noise)
+    assert petiole is None
+    assert kept.all()
+
+
 def test_few_points_that_lie_wide_part_no_stalk_and_many_do():
     width = np.repeat([2.0, 4.0, 2.0, 12.0], [20, 3, 20, 80])
     free = np.where(width == 4.0, 0.9, 4.0)
