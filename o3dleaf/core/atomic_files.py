@@ -47,18 +47,16 @@ def whole_file(path: str | PathLike[str], size: float = 0) -> Iterator[Path]:
         If writing fails, for example because the disk is full.
     """
     target = Path(path)
-    temporary = _beside(target)
-    try:
-        if size:
-            require_free(target, size)
-        yield temporary
-        temporary.replace(target.resolve())
-    except OSError as cause:
-        raise O3DLeafError(
-            f"{shown(target)}: could not be written ({cause.strerror}); free space or choose another"
-        ) from cause
-    finally:
-        temporary.unlink(missing_ok=True)
+    with _beside(target) as temporary:
+        try:
+            if size:
+                require_free(target, size)
+            yield temporary
+            temporary.replace(target.resolve())
+        except OSError as cause:
+            raise O3DLeafError(
+                f"{shown(target)}: could not be written ({cause.strerror}); free space or choose another"
+            ) from cause
 
 
 @contextmanager
@@ -69,8 +67,8 @@ def whole_folder(path: str | PathLike[str], mark: str, results: str) -> Iterator
     """
     target = require_replaceable(path, mark, results)
     temporary = target.parent / _own_name(target)
-    temporary.mkdir()
     try:
+        temporary.mkdir()
         yield temporary
         if target.exists():
             old = target.parent / _own_name(target)
@@ -101,7 +99,7 @@ def require_replaceable(path: str | PathLike[str], mark: str, results: str) -> P
             raise InputError(f"{shown(target)}: exists already and is not empty; give the name of a new folder")
         if next(target.glob(results), None) is not None:
             raise InputError(f"{shown(target)}: holds results, which are not written over; give another, or remove it")
-    _beside(target.parent / f"{target.name}.new").unlink()
+    _require_room(target.parent / f"{target.name}.new")
     _remove_abandoned(target.parent)
     return target
 
@@ -114,7 +112,7 @@ def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...] = ()) 
     target = Path(path)
     if suffixes and target.suffix.lower() not in suffixes:
         raise InputError(f"{shown(target)}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")
-    _beside(target).unlink()
+    _require_room(target)
     _remove_abandoned(_resolved(target).parent)
     return target
 
@@ -126,7 +124,7 @@ def make_folder(folder: str | PathLike[str]) -> Path:
         target.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as cause:
         raise InputError(f"{shown(target)}: the folder cannot be created ({_why(cause)}); choose another") from cause
-    _beside(target / "new").unlink()
+    _require_room(target / "new")
     return target
 
 
@@ -180,8 +178,15 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
-def _beside(target: Path) -> Path:
-    """Return a new empty file in the folder of what `target` is or leads to, or raise `InputError`."""
+def _require_room(target: Path) -> None:
+    """Raise `InputError` if no file can be made in the folder of what `target` is or leads to."""
+    with _beside(target):
+        pass
+
+
+@contextmanager
+def _beside(target: Path) -> Iterator[Path]:
+    """Yield a new empty file in the folder of what `target` is or leads to, gone at the end, or raise `InputError`."""
     try:
         mode = target.stat().st_mode
     except FileNotFoundError:
@@ -195,16 +200,24 @@ def _beside(target: Path) -> Path:
         raise InputError(f"{shown(target)}: is a {kind}, and only a file can be written; give the name of a file")
     if not mode & 0o222:
         raise InputError(f"{shown(target)}: exists already and is read-only; choose another name")
-    folder = target.resolve().parent
+    temporary = _resolved(target).parent / _own_name(target)
     try:
-        temporary = folder / _own_name(target)
+        _create(temporary, target)
+        yield temporary
+    finally:
+        with suppress(FileNotFoundError, NotADirectoryError, PermissionError):  # it could not be made, or was renamed
+            temporary.unlink()
+
+
+def _create(temporary: Path, target: Path) -> None:
+    """Make an empty file, or raise `InputError` that names `target`."""
+    try:
         # With the permissions of any new file: tempfile's are private, and to ask for the mask is to change it.
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as cause:
         raise InputError(
             f"{shown(target)}: the folder cannot be written to ({cause.strerror}); choose another"
         ) from cause
-    return temporary
 
 
 def _own_name(target: Path) -> str:

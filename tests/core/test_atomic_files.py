@@ -6,13 +6,14 @@ import socket
 import stat
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mesh_fields import sphere
-from o3dleaf.core.atomic_files import require_free, require_writable, whole_file, write_json, write_text
+from o3dleaf.core.atomic_files import require_free, require_writable, whole_file, whole_folder, write_json, write_text
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.io.triangle_mesh import write_mesh
 from o3dleaf.leaf.ct.formats.tiff import write_volume
@@ -148,6 +149,31 @@ def test_what_a_killed_process_left_goes_with_the_next_run(tmp_path):
         assert new.exists()
         assert not (tmp_path / left[0]).exists()
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*others, "other.ply"])
+
+
+@pytest.mark.parametrize("write", [require_writable, lambda path: write_text("", path)], ids=["asked for", "written"])
+def test_an_interruption_as_a_file_is_made_leaves_nothing(tmp_path, monkeypatch, write):
+    def interrupted(*words):
+        os.close(make_file(*words))
+        raise KeyboardInterrupt
+
+    make_file = os.open
+    monkeypatch.setattr(os, "open", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write(tmp_path / "leaf.ply")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interruption_as_a_folder_is_made_leaves_nothing(tmp_path, monkeypatch):
+    def interrupted(folder):
+        make_folder(folder)
+        raise KeyboardInterrupt
+
+    make_folder = Path.mkdir
+    monkeypatch.setattr(Path, "mkdir", interrupted)
+    with pytest.raises(KeyboardInterrupt), whole_folder(tmp_path / "case", "case.json", "*.csv"):
+        pass
+    assert list(tmp_path.iterdir()) == []
 
 
 def nearly_full(monkeypatch, free):
