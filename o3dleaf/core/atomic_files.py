@@ -99,7 +99,7 @@ def require_replaceable(path: str | PathLike[str], mark: str, results: str) -> P
             raise InputError(f"{shown(target)}: exists already and is not empty; give the name of a new folder")
         if next(target.glob(results), None) is not None:
             raise InputError(f"{shown(target)}: holds results, which are not written over; give another, or remove it")
-    _require_room(target.parent / f"{target.name}.new")
+    _require_folder_of(target.parent / f"{target.name}.new")
     _remove_abandoned(target.parent)
     return target
 
@@ -112,7 +112,7 @@ def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...] = ()) 
     target = Path(path)
     if suffixes and target.suffix.lower() not in suffixes:
         raise InputError(f"{shown(target)}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")
-    _require_room(target)
+    _require_folder_of(target)
     _remove_abandoned(_resolved(target).parent)
     return target
 
@@ -124,7 +124,7 @@ def make_folder(folder: str | PathLike[str]) -> Path:
         target.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as cause:
         raise InputError(f"{shown(target)}: the folder cannot be created ({_why(cause)}); choose another") from cause
-    _require_room(target / "new")
+    _require_folder_of(target / "new")
     return target
 
 
@@ -178,7 +178,7 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
-def _require_room(target: Path) -> None:
+def _require_folder_of(target: Path) -> None:
     """Raise `InputError` if no file can be made in the folder of what `target` is or leads to."""
     with _beside(target):
         pass
