@@ -9,7 +9,7 @@ between the data in front of such a place does.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -22,8 +22,6 @@ from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.reconstruction.proximity import data_around, distance_mask, nearest_points
 from o3dleaf.surface.reconstruction.solid_angle import WindingNumber
 from o3dleaf.surface.reconstruction.trim import FACTOR
-
-T = TypeVar("T")
 
 FAR = 1.5
 """Spacings from the data beyond which a surface is looked at: of random points one in a thousand leaves such a gap."""
@@ -131,10 +129,11 @@ class Surroundings:
 
     def sites(self, field: Field, over: "Overshoots") -> FreeSites:
         """Return where a field is wrong around overshoots, on lattices as fine as the data there."""
-        found = [NO_SITES]
+        found = [np.empty((0, 4))]
         for start, pitch in self._lattices(over.places):
             found += _flood(partial(self._correction, field, over, pitch), start)
-        return FreeSites(*(np.concatenate(part) for part in zip(*found, strict=True)))
+        sites, value = np.split(np.concatenate(found), [3], axis=1)
+        return FreeSites(np.ascontiguousarray(sites), value.ravel())
 
     @property
     def _facing(self) -> float:
@@ -168,8 +167,8 @@ class Surroundings:
 
     def _correction(
         self, field: Field, over: "Overshoots", pitch: float, cells: IntArray
-    ) -> tuple[IntArray, FreeSites]:
-        """Return which cells (n, 3) of a lattice a field is wrong about, and what is right there, as dense as the data.
+    ) -> tuple[IntArray, FloatArray]:
+        """Return which cells (n, 3) of a lattice a field is wrong about, and sites (m, 4) there with what is right.
 
         Where a gap leads from close data to sparse ones, only every second, fourth, ... place of the lattice is a site:
         a ball there, as wide as its data need, would have thousands of others.
@@ -188,7 +187,7 @@ class Surroundings:
             wrong |= (np.abs(value) < BAND * pitch) & ~self.decisive(depth)
         coarser = np.exp2(np.floor(np.log2(spacing[rows] / pitch)).clip(0)).astype(np.int64)
         site = wrong & (cells[rows] % coarser[:, np.newaxis] == 0).all(axis=1)
-        return rows[wrong], FreeSites(places[rows[site]], value[site])
+        return rows[wrong], np.column_stack([places[rows[site]], value[site]])
 
 
 class Overshoots(NamedTuple):
@@ -207,8 +206,8 @@ class Overshoots(NamedTuple):
 NO_SITES = FreeSites(np.empty((0, 3)), np.empty(0))
 
 
-def _flood(judge: Callable[[IntArray], tuple[IntArray, T]], cells: IntArray) -> Iterator[T]:
-    """Yield what is found from cells (n, 3) of a lattice on, neighbor by neighbor.
+def _flood(judge: Callable[[IntArray], tuple[IntArray, FloatArray]], cells: IntArray) -> Iterator[FloatArray]:
+    """Yield what is found from cells (n, 3) of a lattice on, neighbor by neighbor, a row of each.
 
     ``judge(cells) -> rows, found`` says from which to go on. A cell around a front that is one of those was met with
     that front or the one before, else its own neighbors would have been met earlier; another may be met again, and
@@ -218,7 +217,7 @@ def _flood(judge: Callable[[IntArray], tuple[IntArray, T]], cells: IntArray) -> 
     while len(cells) and count < MAX_SITES:
         onward, found = judge(cells)
         yield found
-        count += len(onward)
+        count += len(found)
         around = (cells[onward][:, np.newaxis] + STEPS).reshape(-1, 3)
         cells, before = _without(around, np.concatenate([before, cells])), cells
 

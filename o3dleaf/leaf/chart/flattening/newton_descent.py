@@ -11,9 +11,9 @@ from o3dleaf.leaf.chart.flattening.rigid_energy import RigidEnergy
 MAX_STEPS = 200
 """Ten to thirty are usual."""
 AT_REST = 1e-12
-"""Share of the energy by which a step may still lower it that leads to rest."""
+"""Share of the energy by which the last step promises to lower it, at most."""
 UNSEEN = 1e-20
-"""Or the fall itself: lengths change by 1e-10 then, root mean square."""
+"""Or that fall itself: lengths change by 1e-10 then, root mean square."""
 SUFFICIENT = 1e-4
 """Share of the fall that a step promises at its start which it must keep (Armijo 1966)."""
 SHORTEST = 1e-10

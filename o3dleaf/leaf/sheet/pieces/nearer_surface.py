@@ -96,8 +96,6 @@ class Heights(NamedTuple):
 
     def update(self, at: FloatArray, normals: FloatArray, points: FloatArray, changed: FloatArray) -> None:
         """Find them anew of places (m, 3) that one of the points `changed` (k, 3) is near to, gone or come since."""
-        if not len(changed):
-            return
         anew = np.flatnonzero(query(cKDTree(changed), at)[0] <= self.reach)
         tree, count = cKDTree(points), min(NEAREST, len(points))
         for i, j in blocks(len(anew), BATCH_SIZE):
