@@ -1,9 +1,11 @@
 """Options: fields of a job, with what the command line says of them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields, replace
+from functools import cache
 from inspect import get_annotations
 from pkgutil import resolve_name
+from types import MappingProxyType
 from typing import Any
 
 REQUIRED = ...
@@ -73,7 +75,8 @@ def output(suffixes: Names) -> Any:
     return option(REQUIRED, "File to write.", "--output", "-o", writes=suffixes)
 
 
-def options_of(job: type) -> dict[str, tuple[Field[Any], Option]]:
+@cache
+def options_of(job: type) -> Mapping[str, tuple[Field[Any], Option]]:
     """Return the options of a job by name: its own first, those that jobs share last."""
     known = {each.name: each for each in fields(job) if "option" in each.metadata}
     options: dict[str, tuple[Field[Any], Option]] = {}
@@ -81,7 +84,7 @@ def options_of(job: type) -> dict[str, tuple[Field[Any], Option]]:
         for name in filter(known.__contains__, get_annotations(kind)):
             one = replace(known[name].metadata["option"], heading=vars(kind).get("HEADING"))
             options.setdefault(name, (known[name], one))
-    return options
+    return MappingProxyType(options)
 
 
 def table(names: Names) -> tuple[str, ...]:
