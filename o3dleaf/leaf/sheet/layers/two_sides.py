@@ -24,8 +24,9 @@ NEAREST = 64, 256, 1024
 and 17 spacings apart."""
 NEARLY = 0.9
 """Share of the most two-sided places, from which on fewer points around places do: the leaf bends less there."""
-TRIED = 400
-"""Places at which sides are sought first."""
+TRIED = (100, MOST / 2), (400, MOST)
+"""Places at which sides are sought first, and the share of two-sided ones below which there are none: first at few, of
+which by chance half of that share is five deviations away."""
 MAX_PLACES = 5_000
 """Places at which the middle is found, from which points have their own."""
 AGREEING = 7
@@ -99,11 +100,13 @@ def find_both_sides(points: FloatArray) -> BothSides | None:
     """
     if len(points) < 2 * SEEN:
         return None
-    tree, rows = cKDTree(points), even_rows(len(points), TRIED)
-    tried = [_fit_places(points, tree, rows, min(count, len(points))) for count in NEAREST]
-    shares = np.array([np.mean(places.two_sided) for places in tried])
-    if shares.max() < MOST:
-        return None
+    tree = cKDTree(points)
+    for some, least in TRIED:
+        rows = even_rows(len(points), some)
+        tried = [_fit_places(points, tree, rows, min(count, len(points))) for count in NEAREST]
+        shares = np.array([np.mean(places.two_sided) for places in tried])
+        if shares.max() < least:
+            return None
     best = int(np.argmax(shares >= NEARLY * shares.max()))
     if _is_folded(points, float(np.median(tried[best].apart[tried[best].two_sided]))):
         return None
