@@ -212,10 +212,11 @@ def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """
     from o3dleaf.output.view import leaf_picture
     from o3dleaf.output.view.maps import render_residuals
-    from o3dleaf.output.view.picture import render
+    from o3dleaf.output.view.picture import draw_page, render
 
-    for draw in (render, render_residuals):
+    for draw in (render, render_residuals, leaf_picture.render_pieces):
         monkeypatch.setitem(inspect.unwrap(draw).__kwdefaults__, "size", (400, 250))
+    monkeypatch.setattr(draw_page, "__defaults__", ((), (400, 250), None))
     monkeypatch.setattr(leaf_picture, "STEPS", leaf_picture.STEPS // 4)
 
 

@@ -66,7 +66,7 @@ def test_every_block_is_known():
 @pytest.mark.parametrize(
     ("block", "written"), [*zip(BLOCKS, WRITTEN, strict=False)], ids=["leaf", "cloud", "steps", "engine", "progress"]
 )
-def test_a_block_runs(given, tmp_path, monkeypatch, block, written):
+def test_a_block_runs(given, small_pictures, tmp_path, monkeypatch, block, written):
     """But for lines that are as long as all the rest: meshes are coarser, and the page of `write_report` is data."""
     monkeypatch.chdir(tmp_path)
     o3d.io.write_point_cloud("scan.ply", o3d.geometry.PointCloud(o3d.utility.Vector3dVector(given["scan_points"])))

@@ -5,12 +5,11 @@ import os
 import pytest
 
 from o3dleaf.core.parallel import set_num_threads
-from o3dleaf.output.view.picture import render
 
 
 @pytest.fixture(autouse=True)
-def _small_pictures(monkeypatch):
-    monkeypatch.setitem(render.__wrapped__.__kwdefaults__, "size", (400, 250))
+def _small_pictures(small_pictures):
+    pass
 
 
 @pytest.fixture(autouse=True)

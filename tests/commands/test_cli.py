@@ -36,9 +36,6 @@ def process(*arguments):
     return subprocess.run(words, capture_output=True, text=True, check=False, timeout=300)
 
 
-pytestmark = pytest.mark.usefixtures("small_pictures")
-
-
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """A scan, a midrib and a small volume, good ones."""

@@ -7,8 +7,6 @@ import pytest
 import o3dleaf as o3l
 from o3dleaf import samples
 
-pytestmark = pytest.mark.usefixtures("small_pictures")
-
 
 @pytest.fixture
 def scan(tmp_path):

@@ -42,7 +42,7 @@ def test_pieces_have_colors_and_numbers(pieces, tmp_path):
 
 @pytest.mark.parametrize("places", [None, np.array([[5.0, 5.0, 0.0]])])
 @pytest.mark.parametrize("pieces", [(), tuple(SCAN[rows] for rows in ROWS)])
-def test_a_refusal_that_names_pieces_shows_them(tmp_path, places, pieces):
+def test_a_refusal_that_names_pieces_shows_them(small_pictures, tmp_path, places, pieces):
     """With marks or without; where none are named the points have the color of any cloud."""
     render_refusal(SCAN, ReconstructionError("no sheet", places, pieces), tmp_path / "refused.png", "mm")
     drawn = np.uint8(255 * imread(tmp_path / "refused.png")[..., :3])
