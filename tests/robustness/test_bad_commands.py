@@ -19,7 +19,7 @@ FEWEST_ROWS = 700
 ROWS = list(command_rows())
 WINDOWS = {"pick", "view"}
 THROUGH_THE_PROGRAM = 40
-AS_PROCESSES = 2
+AS_PROCESSES = 1
 
 
 @pytest.fixture(scope="module")

@@ -95,17 +95,14 @@ def arguments(function):
 
 
 @pytest.mark.parametrize("function", TAKE + MAKE, ids=lambda each: each.__name__)
-def test_references_are_counted_where_arrays_are_made(function):
+def test_references_are_counted_where_arrays_are_made_and_arrays_are_freed_after_the_last_call(function):
+    """One test, since each worker would compile the function anew."""
     given, meant = arguments(function), arguments(function)
     function(*given)
     function.py_func(*meant)
     np.testing.assert_array_equal(given[1], meant[1])
     (compiled,) = function.overloads.values()
     assert compiled.target_context.enable_nrt == (function in MAKE)
-
-
-@pytest.mark.parametrize("function", TAKE + MAKE, ids=lambda each: each.__name__)
-def test_arrays_are_freed_after_the_last_call_and_not_before(function):
     given = arguments(function)
     arrays = [array for each in given for array in (each if isinstance(each, Pair) else (each,))]
     before = [sys.getrefcount(array) for array in arrays]
