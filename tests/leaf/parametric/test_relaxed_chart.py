@@ -125,10 +125,10 @@ def test_sides_of_a_slit_that_stay_apart_are_no_reason_to_keep_a_chart():
     assert max(stretch.most - 1, 1 - stretch.least) < tol.RELAXED_STRETCH
 
 
-@pytest.mark.parametrize("kind", ["curled", "cupped"])
-def test_no_blade_is_stretched_more_than_its_own_mesh_must_be(kind):
+@pytest.mark.parametrize(("kind", "length"), [("curled", 60), ("cupped", 40)])
+def test_no_blade_is_stretched_more_than_its_own_mesh_must_be(kind, length):
     """Noise of half a spacing: a smoothed fit alone leaves a curled leaf stretched by 4 %, where it need not be."""
-    leaf = o3l.samples.leaf_shape(kind)
+    leaf = o3l.samples.leaf_shape(kind, length=length)
     scan = o3l.samples.scan_leaf(leaf, spacing=0.9, noise=0.5, seed=11)
     blade = o3l.create_blade(scan.points, unit="mm")
     vertices, triangles = mesh_arrays(blade.extract_mesh(scan.spacing))
