@@ -27,7 +27,7 @@ def test_the_middle_of_some_points_is_one_of_them():
 
 
 def test_a_blade_tells_its_petiole_as_near_in_a_grid_of_the_earth_as_at_the_origin():
-    scan = o3l.samples.scan_leaf(o3l.samples.leaf_shape("petiole"), spacing=1.2, seed=2)
+    scan = o3l.samples.scan_leaf(o3l.samples.leaf_shape("petiole"), spacing=1.6, seed=2)
     end = []
     for origin in (0.0, 1e3 * GRID):
         notes = o3l.create_blade(scan.points + origin, unit="mm").notes

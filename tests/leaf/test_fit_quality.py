@@ -205,9 +205,9 @@ def test_terraces_are_told_in_the_read_out():
 
 
 @pytest.mark.parametrize("kind", ["lobed", "petiole"])
-def test_points_behind_the_edge_are_told_with_the_area_that_they_add(kind, spacing=1.5):
+def test_points_behind_the_edge_are_told_with_the_area_that_they_add(kind):
     """Between the edge of a leaf and what is behind it a scanner sees points, which the blade takes in."""
-    leaf = leaf_shape(kind)
+    leaf, spacing = leaf_shape(kind), 1.5
     for flying in (0.0, 4.0):
         points = scan_leaf(leaf, spacing=spacing, noise=0.2, flying=flying, seed=3).points
         quality = FitQuality.of(create_blade(points, unit="mm"), points)

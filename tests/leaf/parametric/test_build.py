@@ -183,7 +183,7 @@ def test_noise_of_half_a_spacing_is_averaged():
 
 
 def test_what_is_told_of_a_scan_has_the_same_lengths_in_every_unit():
-    points = o3l.samples.scan_leaf(o3l.samples.leaf_shape("petiole"), seed=2, spacing=1.2).points
+    points = o3l.samples.scan_leaf(o3l.samples.leaf_shape("petiole"), seed=2, spacing=1.6).points
     in_meters, in_micrometers = (
         told_lengths(o3l.create_blade(points * unit_scale("mm", unit), unit=unit).notes) for unit in ("m", "um")
     )
@@ -207,7 +207,7 @@ def test_what_may_be_a_petiole_is_a_line_of_the_read_out(monkeypatch):
 
 
 def test_a_petiole_that_was_cut_off_does_not_lie_beside_the_blade():
-    scan = o3l.samples.scan_leaf(o3l.samples.leaf_shape("petiole"), spacing=1.1, noise=0.2, seed=2)
+    scan = o3l.samples.scan_leaf(o3l.samples.leaf_shape("petiole"), spacing=1.5, noise=0.2, seed=2)
     blade = build.build_parametric_blade(scan.points, None, "mm", BladeOptions())
     assert blade.petiole is not None
     quality = FitQuality.of(blade, scan.points)
