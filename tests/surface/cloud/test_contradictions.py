@@ -30,9 +30,9 @@ def test_surfaces_with_two_sides_are_not_however_thin(thick):
         assert not told(points, normals)
 
 
-@pytest.mark.parametrize("solid", [samples.fins(), samples.fold(), samples.gap()])
+@pytest.mark.parametrize("solid", [samples.fins, samples.fold, samples.gap])
 def test_thin_parts_under_noise_are_not(solid):
-    points, normals = solid.sample(5_000)
+    points, normals = solid().sample(5_000)
     noise = 0.005 * np.linalg.norm(np.ptp(points, axis=0))
     assert not told(points + noise * np.random.default_rng(1).normal(size=points.shape), normals)
 

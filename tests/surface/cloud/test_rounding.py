@@ -53,10 +53,10 @@ def contours():
 
 
 @pytest.mark.parametrize(
-    "points", [samples.Block().sample(COUNT)[0], samples.bumps().sample(COUNT)[0], lattice(), contours()]
+    "make", [lambda: samples.Block().sample(COUNT)[0], lambda: samples.bumps().sample(COUNT)[0], lattice, contours]
 )
-def test_planes_lattices_and_contours_are_left_as_they_are(points):
-    cloud = OrientedCloud.of(points)
+def test_planes_lattices_and_contours_are_left_as_they_are(make):
+    cloud = OrientedCloud.of(make())
     assert average_levels(cloud)[0] is cloud
 
 
