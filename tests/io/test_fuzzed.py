@@ -26,6 +26,8 @@ EXTRAS = {
 }  # fmt: skip
 EXAMPLES = {"packed-dicom": 50, "zarr": 40, "dicom": 60}
 """Of those that take long: packed DICOM is unpacked in a process of its own. Of others 100."""
+SHARE = 0.4
+"""Of the examples that are tried without `--slow`: the others are more of the same."""
 SLOW = [pytest.param(name, marks=pytest.mark.slow) if name == "packed-dicom" else name for name in NAMES]
 
 
@@ -50,13 +52,15 @@ def test_all_readers_are_fuzzed(damaged):
 
 
 @pytest.mark.parametrize("name", SLOW)
-def test_a_damaged_file_is_read_or_refused_in_one_line(damaged, name):
+def test_a_damaged_file_is_read_or_refused_in_one_line(damaged, pytestconfig, name):
     if name in EXTRAS:
         pytest.importorskip(EXTRAS[name])
     module, whole_files = damaged
     reader, (folder, files) = module.READERS[name], whole_files(name)
 
-    @settings(max_examples=EXAMPLES.get(name, 100))
+    share = 1.0 if pytestconfig.option.slow else SHARE
+
+    @settings(max_examples=round(share * EXAMPLES.get(name, 100)))
     @given(which=st.integers(0, len(files) - 1), other=st.integers(0, len(files) - 1), edits=EDITS)
     def check(which, other, edits):
         file, content = files[which]
