@@ -1072,7 +1072,7 @@ NOISE_LEFT = 0.15
 """Share of the noise that a surface chosen on held-out stretches takes up: 0.11 found; one through its points all."""
 
 NARROW_BAYS = 0.75
-"""Of the error of an area whose narrow bays are filled, in the mean of four samples: found 0.28 to 0.61."""
+"""Of the error of an area whose narrow bays are filled, in the mean of two or four samples: found 0.28 to 0.61."""
 
 BAYS_COVERED = 0.08
 """Share of the area of bays that triangles cover, in the mean of two samples: found 0.039; with the points at their

@@ -134,6 +134,7 @@ def test_the_area_is_known_as_well_as_its_margin(spacing, noise, told):
     assert any("area is known" in line for line in quality.warnings) == told
 
 
+@pytest.mark.slow
 def test_areas_of_random_scans_err_as_they_are_said_to():
     """Of eight scans of a flat ellipse the errors over their deviations are of the size of one."""
     outline = shapely.Point(0, 0).buffer(1, 256)
