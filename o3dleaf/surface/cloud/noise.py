@@ -30,9 +30,9 @@ MIN_POINTS = 12
 NARROW, WIDER = 10, 16
 """Points of two patches at a place, by which noise is told from shape."""
 FALL = 0.68
-"""Mean deviation of the narrow patches over that of the wider ones below which it is the shape's: what quadrics leave of
-a shape falls with the third power of the radius, to 0.49, of edges and folds to 0.66, and of noise to 0.75 to 0.93, as
-far as ten points tell; where it is that of some points only, to 0.69 to 0.85."""
+"""Mean deviation of the narrow patches over that of the wider ones below which it is the shape's: what quadrics leave
+of a shape falls with the third power of the radius, to 0.49, of edges and folds to 0.66, and of noise to 0.75 to 0.93,
+as far as ten points tell; where it is that of some points only, to 0.69 to 0.85."""
 NARROWEST = 8
 """Points of a narrow patch on the side of its middle, of fewer it is left out."""
 BLOCK = 64
