@@ -35,7 +35,8 @@ MAX_STEP = 6.0
 """Spacings between levels up to which they are joined: wider gaps stay open, so that each level is a sheet of its own,
 as the treads of stairs are."""
 TERRACES = "the surface has terraces or comes apart between them; give the cloud with more digits"
-AVERAGED = (
+AVERAGED = "they were averaged in voxels of one step; give the cloud with more digits for more detail"
+JOINED = (
     "they were averaged in voxels of one step, and sheets less than two steps apart are one; give the cloud with more "
     "digits for more detail"
 )
@@ -96,7 +97,8 @@ def average_levels(cloud: OrientedCloud, normals: FloatArray | None = None) -> t
     What is between two levels no point knows, and planes through the points of one are the level's own. In voxels of
     one step, with the levels in their middles, means are as far apart as the levels are. Of points with `normals`
     (n, 3) those that face away from the first one in their voxel have a mean of their own. Where means are no surface,
-    as of parts that are thinner than a step, or levels are sheets of their own, the points stay, which is noted.
+    as of parts that are thinner than a step, unless normals tell their sides apart, or levels are sheets of their own,
+    the points stay, which is noted.
 
     Returns
     -------
@@ -117,10 +119,12 @@ def average_levels(cloud: OrientedCloud, normals: FloatArray | None = None) -> t
     means = np.column_stack(sums) / count[:, np.newaxis]
     about = f"{levels.name} is rounded to steps of {tell_length(levels.step)}, where points are "
     about += f"{tell_length(cloud.spacing)} apart: "
-    if levels.step > MAX_STEP * cloud.spacing or flatness_of(means) > DROWNED:
+    drowned = normals is None and flatness_of(means) > DROWNED
+    if levels.step > MAX_STEP * cloud.spacing or drowned:
         return replace(cloud, notes=(*cloud.notes, about + TERRACES)), every
+    said = JOINED if normals is None else AVERAGED
     removed = cloud.removed._replace(averaged=cloud.removed.averaged + len(group) - len(first))
-    return OrientedCloud(means, None, count, removed, (*cloud.notes, about + AVERAGED)), first
+    return OrientedCloud(means, None, count, removed, (*cloud.notes, about + said)), first
 
 
 def _step_of(levels: FloatArray) -> float:

@@ -93,17 +93,18 @@ class UsablePoints(NamedTuple):
         removed = Removed(non_finite=len(points) - len(finite), repeated=len(finite) - len(distinct))
         usable = cls(OrientedCloud(points[rows], None, weights[rows], removed), rows, tree)
         with comparing:
-            while len(again := _repeated_nearly(usable.cloud.neighbors, usable.rows)):
-                usable = usable._without_repeated(again)
-                require_enough(len(usable.rows), len(points))
-        return usable
+            return usable._distinct(len(points))
 
-    def _without_repeated(self, again: IndexArray) -> "UsablePoints":
-        """Leave out what repeats other points, some rows of these."""
-        kept = np.ones(len(self.rows), dtype=bool)
-        kept[again] = False
-        removed = self.cloud.removed._replace(repeated=self.cloud.removed.repeated + len(again))
-        return UsablePoints(replace(self.cloud.take(kept), removed=removed), self.rows[kept], None)
+    def _distinct(self, count: int) -> "UsablePoints":
+        """Leave out what nearly repeats other points, of `count` points in all."""
+        usable = self
+        while len(again := _repeated_nearly(usable.cloud.neighbors, usable.rows)):
+            kept = np.ones(len(usable.rows), dtype=bool)
+            kept[again] = False
+            removed = usable.cloud.removed._replace(repeated=usable.cloud.removed.repeated + len(again))
+            usable = UsablePoints(replace(usable.cloud.take(kept), removed=removed), usable.rows[kept], None)
+            require_enough(len(usable.rows), count)
+        return usable
 
     def without(self, outliers: Detect | None, count: int) -> "UsablePoints":
         """Leave out what a step takes for outliers, of `count` points in all."""
@@ -123,7 +124,8 @@ class UsablePoints(NamedTuple):
         if cloud is self.cloud:
             return self
         require_enough(len(first), len(self.rows))
-        return UsablePoints(cloud, self.rows[first], self.tree if len(first) == len(self.rows) else None)
+        averaged = UsablePoints(cloud, self.rows[first], self.tree if len(first) == len(self.rows) else None)
+        return averaged._distinct(len(self.rows))  # means of both sides of what is thinner than a step may coincide
 
     def apart(self, branchings: Branch | None, normals: FloatArray | None) -> "UsablePoints":
         """Leave out what lies near the lines along which sheets meet, by a step that finds them."""

@@ -258,5 +258,6 @@ def _tell_of_lost(data: OrientedCloud, piece: IntArray, keep: BoolArray, tree: c
     names, counts = np.unique(piece[lost], return_counts=True)
     place = data.points[lost[piece[lost] == names[counts.argmax()]]].mean(axis=0)
     pieces, at = tell_count(len(names), "piece"), tell_place(place, data.points)
-    text = f"{len(lost):,} points have no surface: {pieces} of too few, the largest of {counts.max()} at {at}"
+    have = "point has" if len(lost) == 1 else "points have"
+    text = f"{len(lost):,} {have} no surface: {pieces} of too few, the largest of {counts.max()} at {at}"
     journal.tell(text, CloudWarning)

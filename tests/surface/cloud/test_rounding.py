@@ -79,6 +79,31 @@ def test_points_on_levels_are_averaged_to_the_surface_between_them(direction, gi
     assert np.abs(solid.closest(np.asarray(mesh.vertices)).distance).mean() < STEPS_OFF * step
 
 
+@pytest.mark.parametrize("direction", AXES)
+def test_given_normals_tell_the_sides_of_parts_as_thin_as_a_step_apart(direction):
+    """Without them the means of such plates are no surface, and the points' own planes are those of the levels."""
+    solid = samples.fins(0.08)
+    points, normals, step = rounded(solid, 2.5, direction, 8000)
+    cloud = preprocess_point_cloud(points, normals=normals)
+    mesh, _ = create_from_point_cloud_rbfpu(cloud, prepare=OrientedCloud.of, measure=None)
+    report = mesh_report(mesh)
+    assert (report.components, report.genus, report.boundary_edges) == (1, 0, 0)
+    assert np.abs(solid.closest(np.asarray(mesh.vertices)).distance).mean() < STEPS_OFF * step
+
+
+def test_means_of_two_sides_that_coincide_are_one_point():
+    """Each point has two others of the other side around it, all in its voxel but for a few; sums of binary fractions
+    are exact."""
+    points, normals, step = rounded(samples.Torus(), 1.5, AXES[0])
+    points = np.round(points / step * 2**20) / 2**20
+    aside = np.array([2.0**-8, 0.0, 0.0])
+    cloud = preprocess_point_cloud(
+        np.concatenate([points, points + aside, points - aside]), normals=np.concatenate([normals, -normals, -normals])
+    )
+    assert cloud.removed.repeated > len(cloud) / 2
+    assert len(np.unique(cloud.points, axis=0)) == len(cloud)
+
+
 def test_levels_too_far_apart_are_sheets_of_their_own_and_thin_parts_are_kept():
     places = np.random.default_rng(0).uniform(0, 8, (3000, 2))
     stairs = np.column_stack([places, np.floor(places[:, 0])])

@@ -111,6 +111,15 @@ def test_pairs_of_nearly_coinciding_points_do_not_decide_on_a_side():
     assert found.winding == pytest.approx(0.5, abs=2 * HALF_WINDING)
 
 
+def test_a_piece_without_area_changes_no_sign():
+    """As of points that rounding put on a line."""
+    points, normals = sphere(2000)
+    piece = np.repeat([0, 1], [1990, 10])
+    found = enclosing_signs(points, -normals, np.repeat([4 * np.pi / 2000, 0.0], [1990, 10]), piece)
+    assert found.sign.tolist() == [-1, 1]
+    assert found.gain[0] > 0 == found.gain[1]
+
+
 def test_a_body_that_is_turned_is_found_by_the_winding_number_alone():
     """Neighbors agree all over it, and it is of no doubtful points."""
     points, normals = sphere(3000)

@@ -66,10 +66,14 @@ def _turn_if_better(number: FloatArray, weight: FloatArray, sign: FloatArray, c:
 
 
 def _gain(number: FloatArray, weight: FloatArray, sign: FloatArray, c: int) -> float:
-    """Return how much worse the winding numbers would be if piece c were turned, a unit of its area."""
+    """Return how much worse the winding numbers would be if piece c were turned, a unit of its area.
+
+    A piece without any, all of whose neighborhoods are lines, changes nothing.
+    """
     mean = number @ sign
     turned = mean - 2 * sign[c] * number[:, c]
-    return float(weight @ ((turned - 0.5) ** 2 - (mean - 0.5) ** 2) / weight[c])
+    worse = float(weight @ ((turned - 0.5) ** 2 - (mean - 0.5) ** 2))
+    return worse / weight[c] if weight[c] else 0.0
 
 
 def _winding_between(points: FloatArray, normals: FloatArray, area: FloatArray, piece: IndexArray) -> FloatArray:
