@@ -29,10 +29,9 @@ MIN_POINTS = 12
 """Points of a patch on the side of its middle, of fewer a larger one is taken: twice what a quadric takes."""
 NARROW, WIDER = 10, 16
 """Points of two patches at a place, by which noise is told from shape."""
-FALL = 0.68
-"""Mean deviation of the narrow patches over that of the wider ones below which it is the shape's: what quadrics leave
-of a shape falls with the third power of the radius, to 0.49, of edges and folds to 0.66, and of noise to 0.75 to 0.93,
-as far as ten points tell; where it is that of some points only, to 0.69 to 0.85."""
+FALL = 0.66
+"""Deviation of the narrow patches over that of the wider ones below which it is the shape's: what quadrics leave of a
+shape falls with the third power of the radius, to 0.49, and of noise to 0.75 to 0.99, as far as ten points tell."""
 NARROWEST = 8
 """Points of a narrow patch on the side of its middle, of fewer it is left out."""
 BLOCK = 64
@@ -116,16 +115,12 @@ def measure_places(patches: Patches, normals: FloatArray | None = None) -> Place
 
 
 def is_shape(patches: Patches, normals: FloatArray | None = None) -> bool:
-    """Return whether what quadrics leave of a cloud, as in `measure_places`, is its shape's and not noise.
-
-    Asked is what they leave in all, most of it where there is most: where only a part of the points has noise, the
-    median of narrow patches, which contain fewer of these, is below that of wider ones as it is of a shape.
-    """
+    """Return whether what quadrics leave of a cloud, as in `measure_places`, is its shape's and not noise."""
     points, rows = patches.points, patches.rows
     near = patches.nearest(WIDER, np.arange(len(rows)))[1]
     narrow, wider = (_measure(points, normals, rows, near[:, :count].copy(), NARROWEST)[0] for count in (NARROW, WIDER))
     known = ~np.isnan(narrow + wider)
-    return bool(known.any() and narrow[known].sum() < FALL * wider[known].sum())
+    return bool(known.any() and np.median(narrow[known]) < FALL * np.median(wider[known]))
 
 
 def _measure(

@@ -129,16 +129,6 @@ def test_noise_of_any_thickness_is_no_detail(thickness):
     assert not is_shape(Patches(points, cKDTree(points)))
 
 
-@pytest.mark.parametrize("length", [0.05, 0.1, 0.5])
-def test_noise_of_one_part_is_no_detail(length):
-    """Every second stripe of a square is noisy: narrow patches beside one contain fewer of its points."""
-    rng = np.random.default_rng(20)
-    plane = rng.uniform(size=(10_000, 2))
-    noisy = np.floor(plane[:, 0] / length) % 2 == 0
-    points = np.column_stack([plane, 0.008 * noisy * rng.normal(size=10_000)])
-    assert not is_shape(Patches(points, cKDTree(points)))
-
-
 def test_deviations_of_patches_are_those_of_least_squares():
     """NumPy fits the quadric of a patch over its own axes, among the points on the side of its middle."""
     cloud, _ = two_sheets(0.005, 0.006, tilt=0.3)
