@@ -863,6 +863,10 @@ LOST_TO_SHORT_LAGS = 0.6
 """Least share of a missing area that is found of waves of six spacings: of single pairs 1 − (k r)² / 16 of it, three
 quarters up to the longest lag, and some of what a quadric takes of the blade."""
 
+RELIEF_ALONG_LINES = 0.005
+"""Deviation of the share that noise of 0.6 seems to lack on lines 2.5 spacings apart: 0.002 to 0.003, 0.010 to 0.016
+where slopes across the lines are solved for as well."""
+
 AREA_OF_RUFFLES = 0.015
 """Of a leaf's area, ruffled 5 high and 9 long and scanned at 0.8: found 0.0076 too little, the same to 3e-6 where
 points move by their rounding; 0.019 where a round of the fit may lay its chart over itself, 0.021 where the first chart
