@@ -12,7 +12,12 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.sample_lines import SampleLines
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
-from o3dleaf.leaf.margin.sample_triangles import Triangulation, components_of, inner_points, longest_sides
+from o3dleaf.leaf.margin.sample_triangles import (
+    Triangulation,
+    border_distance,
+    inner_points,
+    longest_sides,
+)
 
 RANDOM = 35 / (2 * np.pi**2) - 1
 """Variance of the area of a random sample's Delaunay triangles, in squares of its mean (Rathie 1992); 0 in a
@@ -37,20 +42,18 @@ def missing_area(
     spacing : (n,) ndarray
         Square root of the area that a point stands for.
     randomness : float
-        How much of `_lost` is taken (`randomness`); the rest is that of a lattice.
+        How much of `_lost` is taken (`randomness`) of a sample without lines; the rest is that of a lattice.
     longest : (n,) ndarray
         Triangles around a point with longer sides, in spacings, are never covered.
     lines : SampleLines, optional
-        Those that the sample lies on. Across them it is as even as they are; it is as random as its points are where
-        lines end.
+        Those that the sample lies on, as even as a lattice across them: what is left out of it is what its points stand
+        for beyond their triangles, however random they are along the lines.
     """
+    share = randomness if lines is None else 0.0
     missing = np.zeros(len(mesh.points))
-    share = np.full(len(mesh.points), randomness)
-    if lines is not None:
-        share *= _ended(mesh, kept, lines)
-    if randomness > 0:
+    if share > 0:
         missing += share * spacing**2 * _lost(mesh, kept, spacing, longest)
-    if share.min() < 1:
+    if share < 1:
         missing += (1 - share) * _left_out_by_lattice(mesh, kept, spacing, lines)
     return missing
 
@@ -78,17 +81,6 @@ def randomness(areas: FloatArray, corners: IntArray) -> float:
     return float(np.clip((np.average(areas**2, weights=corners) / mean**2 - 1) / RANDOM, 0.0, 1.0))
 
 
-def _ended(mesh: Triangulation, kept: BoolArray, lines: SampleLines) -> FloatArray:
-    """Return for each point (n,) how far the border of the triangles kept is one that lines end at there; 1 inside."""
-    row, side = np.nonzero(~np.append(kept, False)[mesh.neighbors] & kept[:, None])
-    ends = np.stack([mesh.triangles[row, (side + turn) % 3] for turn in (1, 2)], axis=1)
-    sides = np.repeat(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]], 2, axis=0)
-    squares, count = (sides**2).sum(axis=1), len(mesh.points)
-    across = squares * lines.ended(mesh.points[ends.ravel()], sides)
-    across, whole = (np.bincount(ends.ravel(), each, count) for each in (across, squares))
-    return np.divide(across, whole, out=np.ones(count), where=whole > 0)
-
-
 def _left_out_by_lattice(
     mesh: Triangulation, kept: BoolArray, spacing: FloatArray, lines: SampleLines | None
 ) -> FloatArray:
@@ -107,7 +99,7 @@ def _left_out_by_lattice(
     small = np.where(at_border, np.maximum(half - mesh.areas[kept], 0.0), 0.0)
     weight = border[triangles].astype(float)
     if lines is not None:
-        of_line = _of_outer_lines(mesh, kept, lines)
+        of_line = _of_outer_lines(mesh, kept, spacing, lines)
         small = np.where(of_line, half - mesh.areas[kept], small)
         weight[~weight.any(axis=1)] = 1.0  # deeper layers have no corner at the border
     weight *= (small / np.maximum(weight.sum(axis=1), 1.0))[:, None]
@@ -115,31 +107,24 @@ def _left_out_by_lattice(
     return missing + np.bincount(triangles.ravel(), weight.ravel(), len(mesh.points))
 
 
-def _of_outer_lines(mesh: Triangulation, kept: BoolArray, lines: SampleLines) -> BoolArray:
-    """Return which of the triangles kept (k,) have two corners on one line, and this at the border.
+def _of_outer_lines(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, lines: SampleLines) -> BoolArray:
+    """Return which of the triangles kept (k,) stand on a line at the border: on two of its points, or all three.
 
     Triangles with all corners on one line lie in layers at both sides of it. What they are smaller than half a cell at
-    its inner side those are larger that reach from there to the next line; so all of both count.
+    its inner side those are larger that reach from there to the next line; so all of both count. What is nearer to the
+    border than half the distance of lines is of a line there.
     """
-    triangles, neighbors = mesh.triangles[kept], mesh.neighbors[kept]
+    triangles = mesh.triangles[kept]
     offsets = mesh.points[triangles] - mesh.points[triangles[:, :1]]
     x, y = lines.along[triangles[:, 0]].T
     across = x[:, None] * offsets[..., 1] - y[:, None] * offsets[..., 0]
-    limit = lines.apart[triangles].mean(axis=1) / 2
-    clear = lines.clear[triangles].all(axis=1)
-    flat = clear & (np.ptp(across, axis=1) < limit)
-    inside = np.append(kept, False)
-    place = np.append(np.cumsum(kept) - 1, -1)
-    labels = components_of(np.where(inside[neighbors], place[neighbors], -1), flat)
-    begin = flat & (~inside[neighbors]).any(axis=1)
-    reached = flat & np.isin(labels, labels[begin])
-    used, inner = inner_points(mesh, kept)
-    outer = used & ~inner
-    outer[triangles[reached]] = True
-    on_it = outer[triangles]
-    pair = on_it.sum(axis=1) == 2
-    width = np.ptp(np.where(on_it, across, across[np.arange(len(triangles)), on_it.argmax(axis=1)][:, None]), axis=1)
-    return np.asarray(reached | (clear & pair & (width < limit)))
+    order = np.argsort(across, axis=1)
+    gaps = np.diff(np.take_along_axis(across, order, axis=1), axis=1)
+    upper = gaps[:, 1] < gaps[:, 0]
+    pair = np.where(upper[:, None], order[:, 1:], order[:, :2])
+    outer = lines.clear & (border_distance(mesh, kept, spacing) < lines.apart / 2)
+    on_it = np.take_along_axis(outer[triangles], pair, axis=1).all(axis=1)
+    return np.asarray(on_it & (gaps.min(axis=1) < lines.apart[triangles].mean(axis=1) / 2))
 
 
 def _lost(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, longest: FloatArray) -> BoolArray:

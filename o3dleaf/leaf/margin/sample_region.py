@@ -26,7 +26,13 @@ from o3dleaf.leaf.margin.sample_spacing import (
     spacing_between,
     uneven_sizes,
 )
-from o3dleaf.leaf.margin.sample_triangles import Triangulation, components_of, inner_points, triangulate
+from o3dleaf.leaf.margin.sample_triangles import (
+    Triangulation,
+    components_of,
+    inner_points,
+    measured_by,
+    triangulate,
+)
 from o3dleaf.leaf.margin.traced_border import Border, border_of
 
 USUAL = 0.9
@@ -110,13 +116,17 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     mesh = triangulate(points)
     near = neighbors_of(points, cKDTree(points))
     found = _spaced(mesh, near)
-    if found.deep.mean() < NARROW and is_uneven(points[found.deep], found.cells[found.deep]):
-        for _ in range(ROUNDS):
-            found = _of_uneven(mesh, near, found)
     lines = sample_lines(points, found.spacing)
     if lines is not None and 2 * np.count_nonzero(lines.clear & found.deep) <= np.count_nonzero(found.deep):
         lines = None  # one along the margin, of vertices that were set there
-    if lines is None:  # between lines triangles are long everywhere
+    if lines is not None:  # between lines triangles are long everywhere, and few lines are deep in a narrow leaf
+        mesh = measured_by(mesh, np.where(lines.clear[:, None], lines.metric(), mesh.metric))
+        found = _spaced(mesh, near)
+        lines = lines.spaced(found.spacing)
+    else:
+        if found.deep.mean() < NARROW and is_uneven(points[found.deep], found.cells[found.deep]):
+            for _ in range(ROUNDS):
+                found = _of_uneven(mesh, near, found)
         found = _beside_bays(mesh, near, found)
     spacing, short, deep = found.spacing, found.short, found.deep
     size = spacing_between(near, mesh.triangles, spacing, JUMP)

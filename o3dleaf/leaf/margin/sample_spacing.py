@@ -156,7 +156,7 @@ def _gain(terms: FloatArray, cells: FloatArray) -> float:
     share = cells / cells.mean()
     log = np.zeros(len(cells))
     for _ in range(STEPS):
-        step = orthogonal @ (orthogonal.T @ (share / np.exp(log) - 1))
+        step = np.clip(orthogonal @ (orthogonal.T @ (share / np.exp(log) - 1)), -1.0, 1.0)
         log += step
         if np.abs(step).max() < CONVERGED:
             break

@@ -25,6 +25,9 @@ SECTORS = 8
 """Of directions of pairs, each with a covariance C₀ of its own: that of noise which the points of a scan line have in
 common is one along the line and none across it, at any lag. Lines as far apart as the points along them, or farther,
 have pairs in directions 45° off and more up to about the longest lag: two sectors' width."""
+MIN_SPANNED = 0.05
+"""Share of what pairs tell of G in the best known direction, at least, in one that is taken: of pairs all around it is
+half. Along scan lines nearest neighbors tell nothing of slopes across, which are ≥ 0 and are left out of the bound."""
 BEYOND_CHANCE = 3.0
 """Deviations by which an area must be missing: of smooth leaves one in 740 seems to lack that by chance."""
 BEYOND_SHORT = 4.0
@@ -226,15 +229,23 @@ def _missing(pairs: _Pairs, least: float, most: float, group: IntArray) -> _Miss
         return _Missing(0.0, 1.0, np.zeros(len(group)))
     (u, v), weight = pairs.lag[near].T, pairs.weight[near] / (pairs.weight[near].sum() or 1.0)
     sector = np.floor(np.arctan2(v, u) / np.pi * SECTORS).astype(np.int64) % SECTORS
-    terms = np.column_stack([u * u, 2 * u * v, v * v, sector[:, np.newaxis] == np.arange(SECTORS)])
+    terms = _centered(np.column_stack([u * u, 2 * u * v, v * v]), sector, weight)
     # Least squares of −G/2, of which the trace is wanted: a weighted sum of the products.
-    inverse = np.linalg.pinv((terms.T * weight) @ terms, rcond=1e-6, hermitian=True)
+    inverse = np.linalg.pinv((terms.T * weight) @ terms, rcond=MIN_SPANNED, hermitian=True)
     trace = -weight * (terms @ (inverse[:, 0] + inverse[:, 2]))
     product = pairs.product[near]
-    left = product - terms @ (inverse @ (terms.T @ (weight * product)))
+    fitted = terms @ (inverse @ (terms.T @ (weight * product)))
+    left = _centered(product[:, np.newaxis], sector, weight)[:, 0] - fitted
     by_group = np.bincount(group[pairs.first[near]], trace * left)
     adds: FloatArray = np.bincount(pairs.first[near], trace * product, len(group)).astype(np.float64)
     return _Missing(float(adds.sum()), float(np.linalg.norm(by_group)), adds)
+
+
+def _centered(values: FloatArray, sector: IntArray, weight: FloatArray) -> FloatArray:
+    """Return values (m, k) less their weighted mean in each sector."""
+    of = np.maximum(np.bincount(sector, weight, SECTORS), 1e-300)
+    mean = np.stack([np.bincount(sector, weight * each, SECTORS) / of for each in values.T], axis=1)
+    return values - mean[sector]
 
 
 def _most(missing: _Missing, group: IntArray) -> BoolArray:

@@ -6,7 +6,8 @@ import planar_leaves as leaves
 from o3dleaf.leaf.margin.edge.lines_variance import lines_variance
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.margin.sample_lines import sample_lines
-from tolerances import LINES_ALONG, LINES_APART, LINES_AREA, LINES_DEVIATION
+from o3dleaf.leaf.margin.sample_region import cover_sample
+from tolerances import CELLS_OF_LAST_LINE, LINES_ALONG, LINES_APART, LINES_AREA, LINES_DEVIATION, UNEVEN_LINES_AREA
 
 RADIUS = 40.0
 
@@ -37,7 +38,7 @@ def test_even_and_independent_points_have_no_lines(sampler, leaf):
         assert spaced(sampler(leaf, 300, np.random.default_rng(seed)), 1.0) is None
 
 
-@pytest.mark.parametrize("ratio", [4, 6])
+@pytest.mark.parametrize("ratio", [4, 6, 9, 12, 16])
 @pytest.mark.parametrize("noise", [0.0, 0.2])
 @pytest.mark.parametrize("bend", [lambda points: points, bent], ids=["straight", "bent"])
 def test_the_area_of_lines_is_that_of_their_cells(ratio, noise, bend):
@@ -57,7 +58,7 @@ def test_a_smooth_line_along_the_margin_is_none_that_was_set_on_it(ratio, seed):
     points = leaves.lines(shapely.box(0, -2.5, 60, 2.5), 0.5, ratio, 0.0, rng)
     inner = np.abs(points[:, 1]) < np.abs(points[:, 1]).max() - 0.3 * np.sqrt(ratio)
     points[inner] += rng.normal(0, 0.1, (inner.sum(), 2))
-    assert Margin.fit(points).area == pytest.approx(len(points) * 0.25, rel=LINES_AREA)
+    assert Margin.fit(points).area == pytest.approx(len(points) * 0.25, rel=UNEVEN_LINES_AREA)
 
 
 def test_noise_does_not_hide_lines_of_many_points():
@@ -76,3 +77,19 @@ def test_lines_that_turn_leave_the_sides_anywhere_within_their_distance():
     told = lines_variance(points, shapely.Polygon(ring))
     sides = 60 * (1 + 6 / RADIUS), 60 * (1 - 6 / RADIUS)
     assert told == pytest.approx(np.square(sides).sum() * 0.36 * ratio / 12, rel=LINES_DEVIATION)
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.2])
+@pytest.mark.parametrize("ratio", [9, 16])
+def test_lines_far_apart_are_covered_whole_and_their_last_points_stand_for_as_much_as_others(ratio, noise):
+    """Of a line seen through noise few points lie at the border, with long sides between them and to the next line."""
+    strip = shapely.box(0, -6, 60, 6)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        points = leaves.lines(strip, 0.6, ratio, 0.0, rng)
+        last = points[:, 1] > points[:, 1].max() - 0.3 * np.sqrt(ratio)
+        points += rng.normal(0, noise * 0.6, points.shape)
+        region = cover_sample(points)
+        between = shapely.box(1, points[:, 1].min() + 0.5, 59, points[:, 1].max() - 0.5)
+        assert shapely.union_all(shapely.polygons(points[region.triangles])).contains(between)
+        assert (region.spacing[last] ** 2).mean() == pytest.approx(0.36, rel=CELLS_OF_LAST_LINE)

@@ -10,7 +10,7 @@ import shapely
 from blade_fields import KnownOutline, RolledBlade
 from o3dleaf.leaf.fit_quality import FitQuality
 from o3dleaf.leaf.residuals.lost_relief import MIN_POINTS, find_lost_relief
-from tolerances import LOST_IN_ANY_CHART, LOST_ON_A_BEND, LOST_TO_SHORT_LAGS
+from tolerances import LOST_IN_ANY_CHART, LOST_ON_A_BEND, LOST_TO_SHORT_LAGS, RELIEF_ALONG_LINES
 
 SIDE = 60.0
 """Of a square, in spacings."""
@@ -94,6 +94,16 @@ def test_scan_lines_that_are_off_one_another_are_no_relief(apart, turn):
     found = lost(plane, level, waves(plane) + noise(plane, 0.05))
     assert found.told
     assert found.share <= np.sqrt(1 + 2 * SLOPES) - 1 + 3 * found.deviation
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, 2.0])
+def test_neighbors_along_scan_lines_tell_nothing_of_slopes_across(turn):
+    """Nearly straight rows, a bit scattered: what pairs within them hardly span isn't solved for."""
+    for seed in range(4):
+        plane, _ = lines(2.5, turn, seed)
+        found = lost(plane, np.zeros(len(plane)), 0.6 * np.random.default_rng(seed).normal(size=len(plane)))
+        assert not found.told
+        assert found.deviation < RELIEF_ALONG_LINES
 
 
 def test_of_steep_waves_no_more_is_missing_than_there_is():
