@@ -1429,12 +1429,14 @@ LINES_APART = 0.1
 LINES_ALONG = 0.01
 """Of the cosine of the angle between lines and their direction that is found: eight degrees."""
 LINES_AREA = 0.03
-"""Of an area within lines along its margin: found to 0.008, and to 0.024 where three lines are sixteen times as far
-apart as their points. Without what lies in layers along the outer ones it is 5 to 15 % too small, without triangles
-that stand on these and reach to the next 3 to 5 %, and up to half where those between lines are no longer short."""
+"""Of an area within lines along its margin: found to 0.008. Without what lies in layers along the outer ones it is 5 to
+15 % too small, without triangles that stand on these and reach to the next 3 to 5 %."""
 CELLS_OF_LAST_LINE = 0.06
-"""Of the area that a point stands for on the last line of a strip, in the mean: found to 0.04; a fifth to four fifths
-are missing where the triangles between lines are no longer short."""
+"""Of the area that a point stands for on the last line of a strip, in the mean: found to 0.027; 0.2 is missing
+where long triangles do not count for more in how lines are spaced."""
+CELLS_COVERED = 0.03
+"""Of the cells of points on lines, covered or found missing: found to 0.008; 0.08 to 0.4 are missing without triangles
+that stand on the last line, or where those count for less the more random the sample is."""
 UNEVEN_LINES_AREA = 0.08
 """Of one whose outermost line is smooth and the others are not: found to 0.06, as their cells are no half of what lies
 between. It is 0.1 to 0.2 too small where it ends on that line."""

@@ -51,13 +51,6 @@ class SampleLines:
         """Return the lines where points stand for other areas, `spacing` (n,) squared."""
         return replace(self, apart=self.apart * (spacing / self.spacing) ** 2, spacing=spacing)
 
-    def metric(self) -> FloatArray:
-        """Return the metric (n, 3) of determinant 1, as xx, xy, yy, in which steps along lines and across are equal."""
-        x, y = self.along.T
-        along = (self.apart / self.spacing) ** 2
-        across = 1 / along
-        return np.stack([along * x**2 + across * y**2, (along - across) * x * y, along * y**2 + across * x**2], axis=1)
-
     def nearest(self, places: FloatArray) -> IntArray:
         """Return the rows (k,) of the points nearest to places (k, 2)."""
         return np.asarray(query(self.tree, places, k=[1])[1][:, 0])

@@ -22,6 +22,7 @@ from o3dleaf.leaf.margin.sample_spacing import (
     cells_of,
     crude_spacing,
     is_uneven,
+    local_shape,
     neighbors_of,
     spacing_between,
     uneven_sizes,
@@ -120,7 +121,7 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     if lines is not None and 2 * np.count_nonzero(lines.clear & found.deep) <= np.count_nonzero(found.deep):
         lines = None  # one along the margin, of vertices that were set there
     if lines is not None:  # between lines triangles are long everywhere, and few lines are deep in a narrow leaf
-        mesh = measured_by(mesh, np.where(lines.clear[:, None], lines.metric(), mesh.metric))
+        mesh = measured_by(mesh, local_shape(points, mesh.triangles, mesh.areas))
         found = _spaced(mesh, near)
         lines = lines.spaced(found.spacing)
     else:

@@ -48,21 +48,26 @@ def crude_spacing(points: FloatArray, tree: cKDTree) -> FloatArray:
     return spacing
 
 
-def local_shape(points: FloatArray, triangles: IntArray) -> FloatArray:
+def local_shape(points: FloatArray, triangles: IntArray, weights: FloatArray | None = None) -> FloatArray:
     """Return for each point the metric (n, 3), as xx, xy, yy of a matrix of determinant 1, without direction.
 
     Scan lines are closer along than across; in their own metric they are as near as any neighbors. It is the inverse
-    of the mean of e eᵀ over the Delaunay edges e about the point.
+    of the mean of e eᵀ over the Delaunay edges e about the point, of triangles with `weights` (m,) or equal ones.
     """
     tree = cKDTree(points)
     spacing = crude_spacing(points, tree)
-    edges = edges_of(triangles)
+    if weights is None:
+        edges, weight = edges_of(triangles), np.ones(1)
+    else:
+        edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+        weight = np.tile(weights, 3)
     vectors = points[edges[:, 1]] - points[edges[:, 0]]
     around = query(tree, points, k=min(NEIGHBORS, len(points)))[1]
     usual = np.median(_usual_sides(points, triangles)[around], axis=1)
     near = np.hypot(*vectors.T) <= np.maximum(FAR * spacing, FAR_SIDE * usual)[edges].min(axis=1)
-    ends, vectors = edges[near].ravel(), np.repeat(vectors[near], 2, axis=0)
     products = np.stack([vectors[:, 0] ** 2, vectors[:, 0] * vectors[:, 1], vectors[:, 1] ** 2], axis=1)
+    products *= weight[:, np.newaxis]
+    ends, products = edges[near].ravel(), np.repeat(products[near], 2, axis=0)
     sums = np.stack([np.bincount(ends, column, len(points)) for column in products.T], axis=1)
     xx, xy, yy = sums[around].sum(axis=1).T
     determinant = xx * yy - xy**2

@@ -7,7 +7,15 @@ from o3dleaf.leaf.margin.edge.lines_variance import lines_variance
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.margin.sample_lines import sample_lines
 from o3dleaf.leaf.margin.sample_region import cover_sample
-from tolerances import CELLS_OF_LAST_LINE, LINES_ALONG, LINES_APART, LINES_AREA, LINES_DEVIATION, UNEVEN_LINES_AREA
+from tolerances import (
+    CELLS_COVERED,
+    CELLS_OF_LAST_LINE,
+    LINES_ALONG,
+    LINES_APART,
+    LINES_AREA,
+    LINES_DEVIATION,
+    UNEVEN_LINES_AREA,
+)
 
 RADIUS = 40.0
 
@@ -38,7 +46,7 @@ def test_even_and_independent_points_have_no_lines(sampler, leaf):
         assert spaced(sampler(leaf, 300, np.random.default_rng(seed)), 1.0) is None
 
 
-@pytest.mark.parametrize("ratio", [4, 6, 9, 12, 16])
+@pytest.mark.parametrize("ratio", [4, 6, 9, 12])
 @pytest.mark.parametrize("noise", [0.0, 0.2])
 @pytest.mark.parametrize("bend", [lambda points: points, bent], ids=["straight", "bent"])
 def test_the_area_of_lines_is_that_of_their_cells(ratio, noise, bend):
@@ -79,17 +87,15 @@ def test_lines_that_turn_leave_the_sides_anywhere_within_their_distance():
     assert told == pytest.approx(np.square(sides).sum() * 0.36 * ratio / 12, rel=LINES_DEVIATION)
 
 
-@pytest.mark.parametrize("noise", [0.1, 0.2])
-@pytest.mark.parametrize("ratio", [9, 16])
-def test_lines_far_apart_are_covered_whole_and_their_last_points_stand_for_as_much_as_others(ratio, noise):
-    """Of a line seen through noise few points lie at the border, with long sides between them and to the next line."""
+@pytest.mark.parametrize("ratio", [9, 12, 16])
+def test_points_of_the_last_line_stand_for_as_much_as_others(ratio):
+    """Of a line seen through noise few points lie at the border, and triangles to the next line are few and long."""
     strip = shapely.box(0, -6, 60, 6)
     for seed in range(3):
         rng = np.random.default_rng(seed)
         points = leaves.lines(strip, 0.6, ratio, 0.0, rng)
         last = points[:, 1] > points[:, 1].max() - 0.3 * np.sqrt(ratio)
-        points += rng.normal(0, noise * 0.6, points.shape)
-        region = cover_sample(points)
-        between = shapely.box(1, points[:, 1].min() + 0.5, 59, points[:, 1].max() - 0.5)
-        assert shapely.union_all(shapely.polygons(points[region.triangles])).contains(between)
+        region = cover_sample(points + rng.normal(0, 0.12, points.shape))
         assert (region.spacing[last] ** 2).mean() == pytest.approx(0.36, rel=CELLS_OF_LAST_LINE)
+        covered = shapely.area(shapely.polygons(region.points[region.triangles])).sum()
+        assert covered + region.missing.sum() == pytest.approx((region.spacing**2).sum(), rel=CELLS_COVERED)
