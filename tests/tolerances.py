@@ -864,7 +864,7 @@ LOST_TO_SHORT_LAGS = 0.6
 quarters up to the longest lag, and some of what a quadric takes of the blade."""
 
 RELIEF_ALONG_LINES = 0.005
-"""Deviation of the share that noise of 0.6 seems to lack on lines 2.5 spacings apart: 0.002 to 0.003, 0.010 to 0.016
+"""Deviation of the share that noise of 0.6 seems to lack on lines 2.5 spacings apart: 0.002 to 0.003, 0.008 to 0.013
 where slopes across the lines are solved for as well."""
 
 AREA_OF_RUFFLES = 0.015
@@ -1428,8 +1428,10 @@ LINES_APART = 0.1
 """Of the distance of lines: noise of a tenth of a step makes the way to the fourth neighbor longer."""
 LINES_ALONG = 0.01
 """Of the cosine of the angle between lines and their direction that is found: eight degrees."""
+UNEVEN_BY_CHANCE = 0.1
+"""Share of small samples of one density that pass for uneven: found 0.02, and all of them without what terms cost."""
 LINES_AREA = 0.03
-"""Of an area within lines along its margin: found to 0.008. Without what lies in layers along the outer ones it is 5 to
+"""Of an area within lines along its margin: found to 0.010. Without what lies in layers along the outer ones it is 5 to
 15 % too small, without triangles that stand on these and reach to the next 3 to 5 %."""
 CELLS_OF_LAST_LINE = 0.06
 """Of the area that a point stands for on the last line of a strip, in the mean: found to 0.027; 0.2 is missing
@@ -1439,7 +1441,7 @@ CELLS_COVERED = 0.03
 that stand on the last line, or where those count for less the more random the sample is."""
 UNEVEN_LINES_AREA = 0.08
 """Of one whose outermost line is smooth and the others are not: found to 0.06, as their cells are no half of what lies
-between. It is 0.1 to 0.2 too small where it ends on that line."""
+between. It is 0.17 to 0.33 too small where it ends on that line."""
 LINES_DEVIATION = 0.25
 """Of the variance of an area that is summed over lines: the distance of lines, squared, is found to a tenth, and
 harmonics beyond the sixteenth are a twentieth. With both sides in one phase it is 0, or twice as much."""

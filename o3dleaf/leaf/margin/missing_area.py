@@ -12,12 +12,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.sample_lines import SampleLines
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
-from o3dleaf.leaf.margin.sample_triangles import (
-    Triangulation,
-    border_distance,
-    inner_points,
-    longest_sides,
-)
+from o3dleaf.leaf.margin.sample_triangles import Triangulation, border_distance, inner_points, longest_sides
 
 RANDOM = 35 / (2 * np.pi**2) - 1
 """Variance of the area of a random sample's Delaunay triangles, in squares of its mean (Rathie 1992); 0 in a

@@ -27,13 +27,7 @@ from o3dleaf.leaf.margin.sample_spacing import (
     spacing_between,
     uneven_sizes,
 )
-from o3dleaf.leaf.margin.sample_triangles import (
-    Triangulation,
-    components_of,
-    inner_points,
-    measured_by,
-    triangulate,
-)
+from o3dleaf.leaf.margin.sample_triangles import Triangulation, components_of, inner_points, measured_by, triangulate
 from o3dleaf.leaf.margin.traced_border import Border, border_of
 
 USUAL = 0.9
@@ -120,7 +114,7 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     lines = sample_lines(points, found.spacing)
     if lines is not None and 2 * np.count_nonzero(lines.clear & found.deep) <= np.count_nonzero(found.deep):
         lines = None  # one along the margin, of vertices that were set there
-    if lines is not None:  # between lines triangles are long everywhere, and few lines are deep in a narrow leaf
+    if lines is not None:  # of few lines deep inside no density is known; bays look as what lies between lines does
         mesh = measured_by(mesh, local_shape(points, mesh.triangles, mesh.areas))
         found = _spaced(mesh, near)
         lines = lines.spaced(found.spacing)

@@ -28,8 +28,9 @@ MAX_DEGREE = 4
 """Of the polynomials in which a density is looked for that varies over the leaf: a stripe in its middle has four."""
 MAX_FITTED = 10_000
 """Points that they are fitted to."""
-STEPS, CONVERGED = 30, 1e-6
-"""Of Fisher's scoring, and the change of a logarithm below which it ends."""
+STEPS, LARGEST, CONVERGED = 30, 1.0, 1e-6
+"""Of Fisher's scoring; the change of a logarithm in one of them, at most, as few points may send it off; and that below
+which it ends."""
 
 
 def edges_of(triangles: IntArray) -> IntArray:
@@ -48,19 +49,20 @@ def crude_spacing(points: FloatArray, tree: cKDTree) -> FloatArray:
     return spacing
 
 
-def local_shape(points: FloatArray, triangles: IntArray, weights: FloatArray | None = None) -> FloatArray:
+def local_shape(points: FloatArray, triangles: IntArray, areas: FloatArray | None = None) -> FloatArray:
     """Return for each point the metric (n, 3), as xx, xy, yy of a matrix of determinant 1, without direction.
 
     Scan lines are closer along than across; in their own metric they are as near as any neighbors. It is the inverse
-    of the mean of e eᵀ over the Delaunay edges e about the point, of triangles with `weights` (m,) or equal ones.
+    of the mean of e eᵀ over the Delaunay edges e about the point; each counts once, or with the `areas` (m,) of its
+    triangles.
     """
     tree = cKDTree(points)
     spacing = crude_spacing(points, tree)
-    if weights is None:
+    if areas is None:
         edges, weight = edges_of(triangles), np.ones(1)
     else:
         edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-        weight = np.tile(weights, 3)
+        weight = np.tile(areas, 3)
     vectors = points[edges[:, 1]] - points[edges[:, 0]]
     around = query(tree, points, k=min(NEIGHBORS, len(points)))[1]
     usual = np.median(_usual_sides(points, triangles)[around], axis=1)
@@ -161,7 +163,7 @@ def _gain(terms: FloatArray, cells: FloatArray) -> float:
     share = cells / cells.mean()
     log = np.zeros(len(cells))
     for _ in range(STEPS):
-        step = np.clip(orthogonal @ (orthogonal.T @ (share / np.exp(log) - 1)), -1.0, 1.0)
+        step = np.clip(orthogonal @ (orthogonal.T @ (share / np.exp(log) - 1)), -LARGEST, LARGEST)
         log += step
         if np.abs(step).max() < CONVERGED:
             break

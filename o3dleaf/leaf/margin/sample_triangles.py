@@ -14,7 +14,7 @@ from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.sample_spacing import BoolArray, even_points, local_shape
 
 BESIDE = 0.5
-"""Spacings between places along a border from which distances are taken: beside one, 0.03 too long at 1 spacing."""
+"""Spacings between places along a border from which distances are taken: those of 1 are 0.03 too long at most."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ def triangulate(points: FloatArray) -> Triangulation:
 
 def measured_by(mesh: Triangulation, metric: FloatArray) -> Triangulation:
     """Return the triangles with another metric (n, 3) at their points."""
-    a, b, c = (mesh.points[mesh.triangles[:, corner]] for corner in range(3))
-    return replace(mesh, metric=metric, reach=longest_sides((a, b, c), metric[mesh.triangles].mean(axis=1)))
+    mesh = replace(mesh, metric=metric)
+    return replace(mesh, reach=side_lengths(mesh).max(axis=1))
 
 
 def _metric(points: FloatArray, triangles: IntArray) -> FloatArray:
@@ -113,22 +113,17 @@ def inner_points(mesh: Triangulation, kept: BoolArray) -> tuple[BoolArray, BoolA
     return used, inner
 
 
-def border_sides(mesh: Triangulation, kept: BoolArray) -> IntArray:
-    """Return the ends (e, 2) of the sides that the triangles kept have on their border."""
-    row, side = np.nonzero(~np.append(kept, False)[mesh.neighbors] & kept[:, None])
-    return np.stack([mesh.triangles[row, (side + turn) % 3] for turn in (1, 2)], axis=1)
-
-
 def border_distance(mesh: Triangulation, kept: BoolArray, spacing: FloatArray) -> FloatArray:
     """Return the distance (n,) of the points from the border of the triangles kept, of sides that may be long.
 
     It is that of the nearest of places along these, `BESIDE` of the local `spacing` (n,) apart at most.
     """
-    sides = border_sides(mesh, kept)
-    begin, way = mesh.points[sides[:, 0]], mesh.points[sides[:, 1]] - mesh.points[sides[:, 0]]
-    count = np.ceil(np.hypot(*way.T) / (BESIDE * spacing[sides].min(axis=1))).astype(np.int64)
-    first = np.repeat(np.cumsum(count) - count, count)
-    share = (np.arange(count.sum()) - first) / np.repeat(count, count)
+    row, side = np.nonzero(~np.append(kept, False)[mesh.neighbors] & kept[:, None])
+    first, last = (mesh.triangles[row, (side + turn) % 3] for turn in (1, 2))
+    begin, way = mesh.points[first], mesh.points[last] - mesh.points[first]
+    count = np.ceil(np.hypot(*way.T) / (BESIDE * np.minimum(spacing[first], spacing[last]))).astype(np.int64)
+    before = np.repeat(np.cumsum(count) - count, count)
+    share = (np.arange(count.sum()) - before) / np.repeat(count, count)
     places = np.repeat(begin, count, axis=0) + share[:, None] * np.repeat(way, count, axis=0)
     return np.asarray(query(cKDTree(places), mesh.points, k=[1])[0][:, 0])
 
