@@ -333,6 +333,7 @@ DOORS: dict[str, Door] = {
         spacing=maybe_length,
         fill_holes=SIZE.optional,
         noise=SIZE.like(0.0),
+        thinned_to=SIZE.optional,
         unit=maybe_unit,
     ),
     "Margin.contains": method(lambda w: w.leaf.blade.outline, "contains", points=PLACES),

@@ -18,10 +18,11 @@ from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.units import tell_length
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.blade.outline_area import in_polygon
-from o3dleaf.leaf.margin.edge.edge_excess import with_edge_excess
+from o3dleaf.leaf.margin.edge.edge_excess import tell_excess, with_edge_excess
 from o3dleaf.leaf.margin.edge.edge_fit import fit_edge
 from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample
 from o3dleaf.leaf.margin.edge.edge_noise import with_edge_noise
+from o3dleaf.leaf.margin.edge.least_distance import least_distance
 from o3dleaf.leaf.margin.edge.tip_ends import with_ends
 from o3dleaf.leaf.margin.hole import Hole
 from o3dleaf.leaf.margin.margin_curve import (
@@ -100,6 +101,7 @@ class Margin:
         spacing: Positive | None = None,
         fill_holes: NotNegative | None = None,
         noise: NotNegative = 0.0,
+        thinned_to: NotNegative | None = None,
         unit: Unit | None = None,
     ) -> "Margin":
         """Fit the margin of a sample of the leaf.
@@ -123,6 +125,9 @@ class Margin:
             Standard deviation of the points that is expected in the plane, where it carries some of them over the edge.
             For random samples it is found from how the edge is blurred (`edge_noise`), as a scanner's may lie along its
             beam.
+        thinned_to : float, optional
+            Distance in space below which points were left out, as CloudCompare and MeshLab do; 0: none were. By default
+            it is that of nearest neighbors in the chart, if they are as far apart in a sharp minimum.
         unit : str, optional
 
         Raises
@@ -135,10 +140,11 @@ class Margin:
         points = as_sites(uv, "uv", dim=2, least=3)
         given = None if fill_holes is None else as_number(fill_holes, "fill_holes")
         least = 0.0 if spacing is None else require_positive(spacing, "spacing")
+        found = least_distance(points) if thinned_to is None else as_number(thinned_to, "thinned_to")
         region = cover_sample(np.unique(points, axis=0), 0.0 if given is None else given)
         local = Spacing(cKDTree(region.points), np.maximum(region.spacing, least))
         limit = region.widest if given is None else given
-        (outer, *inner), excess = _rings(region, local, as_number(noise, "noise"))
+        (outer, *inner), sample = _rings(region, local, as_number(noise, "noise"), found)
         holes = [Hole.of(ring, limit) for ring in inner]
         order = sorted(range(len(holes)), key=lambda i: -holes[i].area)
         polygon = shapely.Polygon(outer)
@@ -154,7 +160,7 @@ class Margin:
             tuple(hole_rings),
             spacing=float(np.median(region.spacing)),
             holes=tuple(holes[i] for i in order),
-            notes=_notes(region, holes, excess),
+            notes=tell_excess(sample) + _notes(region, holes),
             unit=unit,
         )
 
@@ -193,8 +199,10 @@ def _rings_of(polygon: shapely.Polygon) -> list[FloatArray]:
     return [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
 
 
-def _rings(region: SampleRegion, local: Spacing, noise: float) -> tuple[list[FloatArray], float]:
-    """Return the curves (k, 2) where the leaf ends, and how many points more are along them for each spacing.
+def _rings(
+    region: SampleRegion, local: Spacing, noise: float, thinned_to: float
+) -> tuple[list[FloatArray], EdgeSample]:
+    """Return the curves (k, 2) where the leaf ends, and what they were fitted to.
 
     The outer curve comes first, counter-clockwise, then those of holes.
     """
@@ -211,7 +219,8 @@ def _rings(region: SampleRegion, local: Spacing, noise: float) -> tuple[list[Flo
     cut = np.flatnonzero(region.missing)
     owner = _owners(rings, region.points[cut])
     filled = shapely.multipolygons(shapely.polygons(region.points[region.filled]))
-    sample = EdgeSample(local, noise, 0.0 if region.traced else region.randomness, filled, lines=region.lines)
+    random = 0.0 if region.traced else region.randomness
+    sample = EdgeSample(local, noise, random, filled, thinned_to=thinned_to, lines=region.lines)
 
     def area_of(number: int) -> shapely.Polygon:
         own = cut[owner == number]
@@ -234,7 +243,7 @@ def _rings(region: SampleRegion, local: Spacing, noise: float) -> tuple[list[Flo
             continue  # no hole, once the leaf around it is whole
         start = begun if area is outer else _start(area, local, hole=bool(number))
         curves.append(_finished(*start, sample))
-    return curves, sample.excess
+    return curves, sample
 
 
 def _owners(rings: list[shapely.LinearRing], points: FloatArray) -> IntArray:
@@ -287,14 +296,9 @@ def cut_margin(margin: Margin, polygon: shapely.Polygon) -> Margin:
     return Margin(**margin.state() | {"ring": ring, "hole_rings": tuple(hole_rings)})
 
 
-def _notes(region: SampleRegion, holes: list[Hole], excess: float) -> tuple[str, ...]:
-    """Return what the region does not hold, which holes may be the scanner's, and if points were averages of voxels."""
+def _notes(region: SampleRegion, holes: list[Hole]) -> tuple[str, ...]:
+    """Return what the region does not hold, and which holes may be the scanner's."""
     notes = []
-    if excess > 0:
-        notes.append(
-            f"{excess:.2g} points more to each spacing along the margin than the density inside tells, as averages of "
-            "voxels have (voxel_down_sample): they do not count as more leaf"
-        )
     narrow = [hole.width for hole in holes if not hole.filled and hole.width <= region.void]
     if narrow:
         said = f"holes no wider than chance leaves between points, {len(narrow)} of up to {tell_length(max(narrow))}"

@@ -17,6 +17,7 @@ from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.chart.flatten import STEPPED, require_low_distortion
 from o3dleaf.leaf.chart.petiole import Petiole, find_petiole
 from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
+from o3dleaf.leaf.margin.edge.least_distance import least_distance
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.parametric.contacts import end_before_contacts
@@ -262,7 +263,8 @@ def _with_tips(fit: SurfaceFit, scan: FloatArray, sheet: OpenSheet) -> tuple[Sur
 def _margin(fit: SurfaceFit, spacing: float, fill_holes: float | None, unit: str | None) -> Margin:
     """Return the margin of the points that show where the leaf ends."""
     shows = _near(fit) & ~past_tight_bends(fit, spacing)
-    return Margin.fit(fit.feet[shows], fill_holes=fill_holes, noise=fit_noise(fit), unit=unit)
+    apart = least_distance(fit.points[shows])
+    return Margin.fit(fit.feet[shows], fill_holes=fill_holes, noise=fit_noise(fit), thinned_to=apart, unit=unit)
 
 
 def _complete(fit: SurfaceFit, halves: Halves, length: float) -> tuple[SurfaceFit, tuple[str, ...]]:

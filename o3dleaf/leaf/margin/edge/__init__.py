@@ -5,7 +5,8 @@
 `edge_frame`         a closed curve with the points near it
 `edge_fit`           the curve of greatest likelihood, as stiff as the sample allows
 `edge_noise`         how far noise carries points across an edge
-`edge_excess`        how many points more there are along it, as averages of voxels have
+`edge_excess`        how many points more there are along it, of a thinned sample
+`least_distance`     the distance that a sample was thinned to, and what that makes of its edge
 `tip_ends`           where the width of a tip falls to nothing
 `lines_variance`     how well the area inside is known where points lie on lines
 """

@@ -1,8 +1,7 @@
-"""How many points more than its density a sample has along an edge: those of voxels that the edge cuts count whole.
+"""How many points more than its density a thinned sample has along an edge, so that it passes for that of a wider leaf.
 
 Of a cloud that was thinned to the averages of voxels each voxel that the leaf reaches into has one point, however
-little of it the leaf covers. So points are denser along the margin than inside, which takes them for those of a wider
-leaf.
+little of it the leaf covers; of one that was thinned to a least distance no point beyond the edge shuts out others.
 """
 
 from dataclasses import replace
@@ -11,9 +10,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.margin.edge.edge_fit import moved_along, widened
 from o3dleaf.leaf.margin.edge.edge_frame import INSIDE, EdgeFrame, EdgeSample, edge_frame
 from o3dleaf.leaf.margin.edge.edge_score import MAX_EXCESS, blurred, crowded
+from o3dleaf.leaf.margin.edge.least_distance import MIN_RANDOM, excess_beside
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
 STRIP = 1.0
@@ -100,10 +101,26 @@ def _curvature(frame: EdgeFrame, nodes: BoolArray) -> float:
 
 
 def with_edge_excess(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeSample:
-    """Return the sample with the excess that its edge shows; one too random for averages, a lattice or lines, as it is.
+    """Return the sample with the excess that its edge shows, or without a least distance that was not thinned to.
 
-    Along a margin the last line has more points than the strip beside it.
+    Samples too random for thinned ones, lattices and lines have neither: along a margin the last line has more points
+    than the strip beside it, and the sides of cells are a least distance, too.
     """
-    if not REGULAR <= sample.randomness <= RANDOM or sample.lines is not None:
+    if sample.lines is not None or not MIN_RANDOM <= sample.randomness <= RANDOM:
+        return replace(sample, thinned_to=0.0)
+    if sample.thinned_to > 0 or sample.randomness < REGULAR:
         return sample
     return replace(sample, excess=edge_excess(curve, apexes, sample))
+
+
+def tell_excess(sample: EdgeSample) -> tuple[str, ...]:
+    """Return a line on points that do not count as more leaf; none where there are no more than the density tells."""
+    if sample.thinned_to > 0:
+        more = float(excess_beside(sample.thinned_to / np.median(sample.local.values)))
+        how = f"after thinning to a least distance of {tell_length(sample.thinned_to)}"
+    elif sample.excess > 0:
+        more, how = sample.excess, "averages of voxels have (voxel_down_sample)"
+    else:
+        return ()
+    said = f"{more:.2g} points more to each spacing along the margin than the density inside tells"
+    return (f"{said}, as {how}: they do not count as more leaf",)

@@ -14,7 +14,7 @@ from scipy.special import log_ndtr
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.edge.edge_frame import NODE_STEP, EdgeFrame, EdgeSample, edge_frame
-from o3dleaf.leaf.margin.edge.edge_score import BlurredEdge, blurred, score
+from o3dleaf.leaf.margin.edge.edge_score import BlurredEdge, score
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
 FIRST = 1.5
@@ -78,12 +78,12 @@ def fit_edge(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeF
     Korostelev, A. P., Tsybakov, A. B. (1993): Minimax theory of image reconstruction. Springer.
     """
     frame = edge_frame(curve, apexes, sample)
-    seen, bandwidth = blurred(frame.noise, sample.excess), np.full(len(frame.curve), FIRST)
+    seen, bandwidth = sample.seen(frame), np.full(len(frame.curve), FIRST)
     moved = most_likely(frame, seen.blur, seen.information * bandwidth**6, np.zeros(len(frame.curve)))
     curve = moved_along(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share(frame))
     # Distances are taken anew from where the curve has come to.
     frame = edge_frame(curve, curve[frame.apexes], sample)
-    seen = blurred(frame.noise, sample.excess)
+    seen = sample.seen(frame)
     moved, bandwidth = widened(frame, seen)
     curve = moved_along(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share(frame))
     return EdgeFit(curve, frame.spacing, frame.observed, frame.apexes)

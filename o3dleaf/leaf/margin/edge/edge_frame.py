@@ -10,7 +10,8 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
-from o3dleaf.leaf.margin.edge.edge_score import blurred
+from o3dleaf.leaf.margin.edge.edge_score import SHUT_OUT, BlurredEdge, blurred
+from o3dleaf.leaf.margin.edge.least_distance import excess_beside
 from o3dleaf.leaf.margin.edge.third_differences import SHIFTS, ThirdDifferences
 from o3dleaf.leaf.margin.margin_curve import MAX_NOISE, Spacing, resample
 from o3dleaf.leaf.margin.sample_lines import SampleLines
@@ -45,6 +46,8 @@ class EdgeSample:
         The gaps of the sample that were filled: where the edge runs over them, it stays.
     excess : float
         Points more than the density for each spacing of edge (`edge_excess`).
+    thinned_to : float
+        The distance that the sample was thinned to (`least_distance`); 0: it was not.
     lines : SampleLines, optional
         Those that the points lie on.
     """
@@ -54,14 +57,22 @@ class EdgeSample:
     randomness: float
     filled: shapely.Geometry
     excess: float = 0.0
+    thinned_to: float = 0.0
     lines: SampleLines | None = None
+
+    def seen(self, frame: "EdgeFrame") -> BlurredEdge:
+        """Return what the edge is seen through at the nodes, with more points along it than the density inside."""
+        if self.thinned_to > 0:
+            return blurred(frame.noise, excess_beside(self.thinned_to / frame.spacing), SHUT_OUT)
+        return blurred(frame.noise, self.excess)
 
     def share(self, frame: "EdgeFrame") -> FloatArray:
         """Return the share (n,) of the way to the curve of greatest likelihood that is gone.
 
-        All of it for averages of voxels; nothing along lines, of which the points are not independent.
+        All of it for averages of voxels and thinned samples; nothing along lines, of which the points are not
+        independent.
         """
-        whole = np.full(len(frame.curve), 1.0 if self.excess > 0 else self.randomness)
+        whole = np.full(len(frame.curve), 1.0 if self.excess > 0 or self.thinned_to > 0 else self.randomness)
         if self.lines is None:
             return whole
         return whole * self.lines.ended(frame.curve, frame.normals @ np.array([[0.0, 1.0], [-1.0, 0.0]]))

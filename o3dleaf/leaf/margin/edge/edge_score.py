@@ -11,6 +11,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import RegularGridInterpolator
 from scipy.special import log_ndtr, ndtr
 
 from o3dleaf.core.checks.arrays import FloatArray
@@ -20,6 +21,8 @@ BLUR = 0.35
 counts, fewer make the estimate biased; more of it leaves less information, 1.7/s for each length."""
 CUT = 0.5
 """Spacings to which voxels that an edge cuts have their averages: in the middle of up to a whole one."""
+SHUT_OUT = 0.125
+"""Spacings within which a sample thinned to a least distance has more points along its edge: twice their mean depth."""
 MAX_EXCESS = 2 / np.pi
 """Points more for each spacing of an edge: an edge of any direction across squares cuts 2/π of them for each of their
 sides, where it would end as many if each counted by its share."""
@@ -88,38 +91,41 @@ def _of_unit_blur(noise: float) -> tuple[float, float, float, float]:
     return offset, float(information), float(fitted), float(first / slope - noise**2 / 2)
 
 
-def blurred(noise: FloatArray, excess: float = 0.0) -> BlurredEdge:
+def blurred(noise: FloatArray, excess: FloatArray | float = 0.0, depth: float = CUT) -> BlurredEdge:
     """Return what an edge with noise (n,), in spacings, is seen through, with more points along it (`crowded`)."""
     blur = np.hypot(BLUR, noise)
     ratios, table = _tables()
     offset, information, fitted, curved = (np.interp(noise / blur, ratios, column) for column in table.T)
-    return BlurredEdge(blur, blur * offset + crowded(noise, excess), information / blur, fitted, blur**2 * curved)
+    off = blur * offset + crowded(noise, excess, depth)
+    return BlurredEdge(blur, off, information / blur, fitted, blur**2 * curved)
 
 
-def crowded(noise: FloatArray, excess: float) -> FloatArray:
-    """Return how much farther out (n,) an edge is found that has `excess` points more for each spacing of its length.
+def crowded(noise: FloatArray, excess: FloatArray | float, depth: float = CUT) -> FloatArray:
+    """Return how much farther out (n,) an edge is found that has `excess` (n,) points more for each spacing of it.
 
-    They lie within `CUT` of it, as averages of what is left of voxels do, and are moved by noise (n,), in spacings.
+    They lie within so many spacings of it, and are moved by noise (n,), in spacings.
     """
-    if excess == 0:
+    excess = np.broadcast_to(excess, noise.shape)
+    if not excess.any():
         return np.zeros(len(noise))
     some = np.linspace(0.0, max(float(noise.max()), BLUR), 5)
-    off = [_root(one, excess) - _root(one, 0.0) for one in some]
-    return np.interp(noise, some, off)
+    more = np.linspace(0.0, float(excess.max()), 5)
+    off = [_roots(one, more, depth) - _roots(one, np.zeros(1), depth) for one in some]
+    return np.asarray(RegularGridInterpolator((some, more), off)(np.stack([noise, excess], axis=1)))
 
 
-def _root(noise: float, excess: float) -> float:
+def _roots(noise: float, excess: FloatArray, depth: float) -> FloatArray:
     """Return where an edge at 0 is found by single points of some noise, in spacings: where their scores are 1."""
-    edges, whole, strip = _sums(noise)
-    return float(np.interp(-1.0, -(whole + excess / CUT * strip), edges))
+    edges, whole, strip = _sums(noise, depth)
+    return np.array([np.interp(-1.0, -(whole + each / depth * strip), edges) for each in excess])
 
 
 @cache
-def _sums(noise: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return places of an edge (k,), and sums of scores there of points of a density inside it and of those `CUT`."""
+def _sums(noise: float, depth: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return places of an edge (k,), and sums of scores there of points of a density inside it and of those as deep."""
     blur, sharp = float(np.hypot(BLUR, noise)), max(noise, 1e-9)
     edges, x = np.linspace(-1.0, 1.0, 101), np.linspace(-TABLE_END * blur, TABLE_END * blur, 4001)
     whole = ndtr(-x / sharp)
     scores = score((edges[:, None] - x) / blur) / blur
-    strip = whole - ndtr(-(x + CUT) / sharp)
+    strip = whole - ndtr(-(x + depth) / sharp)
     return edges, *(np.trapezoid(density * scores, x, axis=1) for density in (whole, strip))
