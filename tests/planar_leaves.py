@@ -77,6 +77,19 @@ def lattice(leaf, count, rng, *, across=1.0, jitter=0.0):
     return points[shapely.contains_xy(leaf, *points.T)]
 
 
+def triangles(leaf, count, rng, *, stretch=1.0, bend=0.0):
+    """The corners of a turned lattice of triangles, stretched along its rows; by so much more from end to end."""
+    step = np.sqrt(leaf.area / count * 2 / np.sqrt(3) / stretch)
+    length = np.hypot(leaf.bounds[2] - leaf.bounds[0], leaf.bounds[3] - leaf.bounds[1])
+    reach = int(length / step) + 2
+    i, j = np.meshgrid(np.arange(-reach, reach), np.arange(-reach, reach), indexing="ij")
+    x, y = stretch * step * (i + j % 2 / 2).ravel() + rng.uniform(), step * (np.sqrt(3) / 2 * j).ravel() + rng.uniform()
+    angle = rng.uniform(0, np.pi)
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    points = np.stack([x + bend * x**2 / (2 * length), y], axis=1) @ turn + shapely.get_coordinates(leaf.centroid)[0]
+    return points[shapely.contains_xy(leaf, *points.T)]
+
+
 def lines(leaf, spacing, ratio, angle, rng):
     """Lines `ratio` times as far apart as the points along them, which begin anywhere."""
     step, apart = spacing / np.sqrt(ratio), spacing * np.sqrt(ratio)

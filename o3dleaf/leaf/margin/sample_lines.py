@@ -13,9 +13,14 @@ from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray
 ALONG = (4, 8, 16)
 """Neighbors of a point that may all be of its own line: half of them to either side, where lines are farther apart than
 that. More of them show lines through more noise."""
+AS_FAR = 1.25
+"""Times the distance of the last of them, up to which others count with them: of the six nearest points of a lattice of
+triangles, as far as one another but for a rounding, four would have a direction."""
 MIN_ORDER = 1 / 3
 """Length of the mean of unit vectors of twice the neighbors' angles from which on they are of a line, between 0 of none
 and 1: in the median over a leaf independent points have 0.1 by chance, and 0.3 on a strip three spacings wide."""
+LEAST_ORDER = 1e-9
+"""What is no direction at all counts as."""
 LENGTH = 4.0
 """Spacings over which a margin is smoothed and its points are counted (`COUNT_WIDTH`)."""
 
@@ -46,6 +51,13 @@ class SampleLines:
     spacing: FloatArray
     astray: FloatArray
     clear: BoolArray
+
+    def inside(self, deep: BoolArray) -> bool:
+        """Return whether there are lines at most of the points deep (n,) inside, not along a margin alone.
+
+        Vertices of a mesh that were set along a margin are as dense there as points of a line.
+        """
+        return bool(2 * np.count_nonzero(self.clear & deep) > np.count_nonzero(deep))
 
     def spaced(self, spacing: FloatArray) -> "SampleLines":
         """Return the lines where points stand for other areas, `spacing` (n,) squared."""
@@ -81,11 +93,12 @@ def sample_lines(points: FloatArray, spacing: FloatArray) -> SampleLines | None:
     if len(points) <= NEIGHBORS:
         return None
     tree = cKDTree(points)
-    around = query(tree, points, k=NEIGHBORS)[1]
-    way = points[around[:, 1 : max(ALONG) + 1]] - points[:, None]
+    away, around = query(tree, points, k=NEIGHBORS)
+    way = points[around[:, 1:]] - points[:, None]
     axis = (way[..., 0] + 1j * way[..., 1]) ** 2
     axis /= np.abs(axis)
-    means = [axis[:, :count].mean(axis=1)[around].mean(axis=1) for count in ALONG]
+    near = [away[:, 1:] <= AS_FAR * away[:, [count]] for count in ALONG]
+    means = [((axis * each).sum(axis=1) / each.sum(axis=1))[around].mean(axis=1) for each in near]
     best = int(np.argmax([np.median(np.abs(mean)) for mean in means]))
     mean, count, order = means[best], ALONG[best], np.abs(means[best])
     if np.median(order) < MIN_ORDER:
@@ -94,5 +107,5 @@ def sample_lines(points: FloatArray, spacing: FloatArray) -> SampleLines | None:
     along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     step = np.abs((way[:, count - 1] * along).sum(axis=1))[around].mean(axis=1) / (count / 2)
     # Of normal angles with deviation σ the mean axis has the length exp(−2 σ²); lines have one pair for two neighbors.
-    astray = np.sqrt(-np.log(np.minimum(order, 1.0)) / 2 / (NEIGHBORS * count / 2))
+    astray = np.sqrt(-np.log(np.clip(order, LEAST_ORDER, 1.0)) / 2 / (NEIGHBORS * count / 2))
     return SampleLines(tree, along, spacing**2 / step, spacing, astray, order >= MIN_ORDER)

@@ -32,6 +32,9 @@ from o3dleaf.leaf.margin.traced_border import Border, border_of
 
 USUAL = 0.9
 """Share of the triangles within a sample that say how long sides are: 1.5 spacings in a lattice, 2.1 by chance."""
+DIAGONAL = 1.5
+"""Spacings up to which sides are usual in any case: no side of a lattice's cells is longer. Triangles of one size have
+sides of 1.07; a stretch of the chart, or a row of vertices along the margin, makes longer ones."""
 SHORT = 1.35
 """Triangles with no side longer than this many usual ones are covered."""
 FIRST_SHORT = 2.8
@@ -112,8 +115,7 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     near = neighbors_of(points, cKDTree(points))
     found = _spaced(mesh, near)
     lines = sample_lines(points, found.spacing)
-    if lines is not None and 2 * np.count_nonzero(lines.clear & found.deep) <= np.count_nonzero(found.deep):
-        lines = None  # one along the margin, of vertices that were set there
+    lines = lines if lines is not None and lines.inside(found.deep) else None
     if lines is not None:  # of few lines deep inside no density is known; bays look as what lies between lines does
         mesh = measured_by(mesh, local_shape(points, mesh.triangles, mesh.areas))
         found = _spaced(mesh, near)
@@ -220,7 +222,7 @@ def _short(mesh: Triangulation, kept: BoolArray, deep: BoolArray, spacing: Float
     """Return the side, in spacings, up to which sides are short in the sample."""
     within = _within(mesh, kept, deep)
     usual = mesh.reach[within] / spacing[mesh.triangles[within]].mean(axis=1)
-    return SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
+    return SHORT * max(float(np.quantile(usual, USUAL)), DIAGONAL) if len(usual) else FIRST_SHORT
 
 
 def _randomness(mesh: Triangulation, kept: BoolArray, deep: BoolArray, spacing: FloatArray) -> float:

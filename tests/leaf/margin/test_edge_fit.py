@@ -1,12 +1,13 @@
 import numpy as np
 import pytest
 import shapely
+from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 from scipy.special import ive
 
 import planar_leaves as leaves
-from o3dleaf.leaf.margin.edge.edge_fit import fit_edge, most_likely
+from o3dleaf.leaf.margin.edge.edge_fit import fit_edge, most_likely, moved_along, moved_apart
 from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample, edge_frame
 from o3dleaf.leaf.margin.edge.edge_score import blurred, score
 from o3dleaf.leaf.margin.margin import Margin
@@ -152,3 +153,21 @@ def test_the_curve_stays_for_a_lattice_and_over_what_was_filled():
     assert np.hypot(*lattice.T) == pytest.approx(RADIUS - 1, abs=EDGE_TURNED)
     assert radius[filled[:, 0] < -RADIUS / 2].mean() == pytest.approx(RADIUS - 1, abs=EDGE_STAYS)
     assert radius[filled[:, 0] > RADIUS / 2].mean() == pytest.approx(RADIUS, abs=EDGE_STAYS)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_flanks_of_a_tip_move_without_crossing(seed):
+    """Elsewhere the curve moves all of the way; a curve that crosses nothing is the one that is moved."""
+    rng, leaf = np.random.default_rng(seed), leaves.strip(6, 4.0, 60.0)
+    curve = shapely.get_coordinates(leaf.exterior)[:-1]
+    sample = EdgeSample(Spacing(cKDTree(leaves.uniform(leaf, 240, rng)), np.ones(240)), 0.0, 1.0, shapely.Polygon())
+    frame = edge_frame(curve, np.array([[60.0, 0.0]]), sample)
+    waves = gaussian_filter1d(rng.normal(size=len(frame.curve)), 6.0, mode="wrap")
+    distance = 0.4 * waves / waves.std()
+    share = np.ones(len(distance))
+    plain, apart = moved_along(frame, distance, share), moved_apart(frame, distance, share)
+    assert shapely.Polygon(apart).is_valid
+    if shapely.Polygon(plain).is_valid:
+        assert np.array_equal(apart, plain)
+    beyond = frame.curve[:, 0] < 25.0
+    assert np.array_equal(apart[beyond], plain[beyond])

@@ -46,6 +46,16 @@ def test_even_and_independent_points_have_no_lines(sampler, leaf):
         assert spaced(sampler(leaf, 300, np.random.default_rng(seed)), 1.0) is None
 
 
+@pytest.mark.parametrize("stretch", [1.0, 1.01, 1.2])
+@pytest.mark.parametrize("noise", [0.0, 1e-12, 0.01])
+def test_a_lattice_of_triangles_has_no_lines(stretch, noise):
+    """Six points are nearest to each: which of them seem nearer than others is a rounding, the same all over it."""
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        points = leaves.triangles(leaves.ellipse(), 600, rng, stretch=stretch)
+        assert spaced(points + rng.normal(0, noise, points.shape), 2.3) is None
+
+
 @pytest.mark.parametrize("ratio", [4, 6, 9, 12])
 @pytest.mark.parametrize("noise", [0.0, 0.2])
 @pytest.mark.parametrize("bend", [lambda points: points, bent], ids=["straight", "bent"])

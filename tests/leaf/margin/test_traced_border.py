@@ -3,6 +3,7 @@ import pytest
 import shapely
 
 import planar_leaves as leaves
+from o3dleaf.leaf.margin.edge.lines_variance import lines_variance
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.margin.sample_region import cover_sample
 from tolerances import TRACED_AREA
@@ -19,8 +20,8 @@ def vertices(leaf, count, dense, inside=leaves.lattice):
     return np.unique(np.vstack([deep, shapely.get_coordinates(np.concatenate(rim))]), axis=0)
 
 
-@pytest.mark.parametrize("inside", [leaves.lattice, leaves.uniform])
-@pytest.mark.parametrize("dense", [1, 3])
+@pytest.mark.parametrize("inside", [leaves.lattice, leaves.uniform, leaves.triangles])
+@pytest.mark.parametrize("dense", [1, 3, 7])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_margin_that_vertices_trace_is_the_margin(shape, dense, inside):
     leaf = SHAPES[shape]
@@ -33,6 +34,17 @@ def test_vertices_far_denser_than_the_sample_inside_fill_no_bays():
     leaf = leaves.lobed()
     margin = Margin.fit(vertices(leaf, 1500, 14))
     assert margin.area == pytest.approx(leaf.area, rel=TRACED_AREA)
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.02])
+@pytest.mark.parametrize("leaf", [*SHAPES.values(), leaves.strip(20, 16.0)], ids=[*SHAPES, "strip"])
+def test_vertices_of_even_triangles_with_a_dense_margin_trace_it(leaf, bend):
+    """Half of all points lie along the margin: they make no lines, and what is longer by a stretch makes no bays."""
+    points = vertices(leaf, 2500, 7, lambda *args: leaves.triangles(*args, bend=bend))
+    margin = Margin.fit(points)
+    assert margin.area == pytest.approx(leaf.area, rel=TRACED_AREA)
+    assert any("the margin runs through them" in note for note in margin.notes)
+    assert lines_variance(points, margin.polygon) == 0
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-3, 0.02])

@@ -9,7 +9,8 @@ bites, the softer one stays (Lepski's rule).
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+import shapely
+from scipy.ndimage import distance_transform_edt, maximum_filter1d
 from scipy.special import log_ndtr
 
 from o3dleaf.core.checks.arrays import FloatArray
@@ -37,6 +38,8 @@ MAX_MOVE = 1.5
 """Spacings that the curve may move."""
 NOT_ACROSS = 0.8
 """Share of the way to the axis of a tip that a flank may go: it does not cross the other one."""
+UNCROSSED = (2.0, 4.0, 8.0, 16.0)
+"""Spacings beside flanks that cross over which less is moved, one after the other until none do."""
 NEWTON_STEPS, CONVERGED = 15, 5e-3
 """At most as many steps, until none moves the curve by more, in spacings: a hundredth of its own deviation."""
 DAMPING = 1e-4
@@ -80,12 +83,12 @@ def fit_edge(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeF
     frame = edge_frame(curve, apexes, sample)
     seen, bandwidth = sample.seen(frame), np.full(len(frame.curve), FIRST)
     moved = most_likely(frame, seen.blur, seen.information * bandwidth**6, np.zeros(len(frame.curve)))
-    curve = moved_along(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share(frame))
+    curve = moved_apart(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share(frame))
     # Distances are taken anew from where the curve has come to.
     frame = edge_frame(curve, curve[frame.apexes], sample)
     seen = sample.seen(frame)
     moved, bandwidth = widened(frame, seen)
-    curve = moved_along(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share(frame))
+    curve = moved_apart(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share(frame))
     return EdgeFit(curve, frame.spacing, frame.observed, frame.apexes)
 
 
@@ -128,6 +131,37 @@ def most_likely(
         if np.abs(way).max() < CONVERGED:
             break
     return moved
+
+
+def moved_apart(frame: EdgeFrame, distance: FloatArray, share: FloatArray) -> FloatArray:
+    """Return the curve moved shares (n,) of the way, less where its flanks would cross, as in tips of few points.
+
+    Parts of it that cross, and what lies between them, stay where they are, with less and less of it around them.
+    """
+    curve = moved_along(frame, distance, share)
+    for reach in UNCROSSED:
+        if shapely.is_valid(shapely.Polygon(curve)):
+            break
+        share = share * _beside(_crossed(curve), round(reach / NODE_STEP))
+        curve = moved_along(frame, distance, share)
+    return curve
+
+
+def _crossed(curve: FloatArray) -> BoolArray:
+    """Return the nodes (n,) of a closed curve that lie between two sides that cross, the shorter way around."""
+    count = len(curve)
+    sides = shapely.linestrings(np.stack([curve, np.roll(curve, -1, axis=0)], axis=1))
+    one, other = shapely.STRtree(sides).query(sides, predicate="intersects")
+    apart = (other - one) % count
+    rows, lengths = one[(apart > 1) & (apart <= count // 2)], apart[(apart > 1) & (apart <= count // 2)]
+    changes = np.bincount(rows + 1, minlength=2 * count + 1) - np.bincount(rows + lengths + 1, minlength=2 * count + 1)
+    return np.cumsum(changes[: 2 * count]).reshape(2, count).any(axis=0)
+
+
+def _beside(nodes: BoolArray, reach: int) -> FloatArray:
+    """Return 0 at some nodes (n,) of a closed curve, and what grows to 1 over `reach` of them to both sides."""
+    away = distance_transform_edt(~np.tile(nodes, 3))[len(nodes) : 2 * len(nodes)]
+    return np.asarray(np.minimum(away / reach, 1.0))
 
 
 def moved_along(frame: EdgeFrame, distance: FloatArray, share: FloatArray | float) -> FloatArray:

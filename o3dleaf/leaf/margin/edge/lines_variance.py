@@ -2,9 +2,13 @@
 
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.trees import query
 from o3dleaf.leaf.margin.sample_lines import SampleLines, sample_lines
+from o3dleaf.leaf.margin.sample_region import DEEP
+from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray
 
 HARMONICS = 16
 """Of the error of a sum over lines, whose share falls with their square."""
@@ -34,11 +38,20 @@ def lines_variance(points: FloatArray, polygon: shapely.Polygon) -> float:
     Matérn, B. (1989): Precision of area estimation: a numerical study. J. Microsc. 153, 269-284.
     """
     points = np.unique(points, axis=0)
-    lines = sample_lines(points, np.full(len(points), np.sqrt(polygon.area / max(len(points), 1))))
-    if lines is None:
+    spacing = np.sqrt(polygon.area / max(len(points), 1))
+    lines = sample_lines(points, np.full(len(points), spacing))
+    if lines is None or not lines.inside(_deep(points, polygon, spacing)):
         return 0.0
     rings = [shapely.get_coordinates(ring) for ring in shapely.get_parts(shapely.get_rings(polygon))]
     return float(sum(_of_ring(ring, lines) for ring in rings))
+
+
+def _deep(points: FloatArray, polygon: shapely.Polygon, spacing: float) -> BoolArray:
+    """Return which points (n,) lie `DEEP` spacings inside, or in a narrow leaf less: all, if no more than a few do."""
+    border = shapely.get_coordinates(shapely.segmentize(polygon.boundary, spacing / 2))
+    away = query(cKDTree(border), points)[0]
+    tries = (away > share * DEEP * spacing for share in (1.0, 0.5))
+    return next((deep for deep in tries if deep.sum() > NEIGHBORS), np.ones(len(points), dtype=bool))
 
 
 def _of_ring(ring: FloatArray, lines: SampleLines) -> float:
