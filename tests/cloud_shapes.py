@@ -53,6 +53,17 @@ def pipe(count, spacings=1.5, seed=0):
     return radius[:, np.newaxis] * outward + np.outer(height, [0, 0, 1]), normals
 
 
+def ellipsoid(count, semiaxes, seed=0):
+    """Points uniform by area, and outward unit normals."""
+    rng, semiaxes = np.random.default_rng(seed), np.asarray(semiaxes)
+    places = rng.normal(size=(100 * count, 3))
+    places /= np.linalg.norm(places, axis=1)[:, np.newaxis]
+    area = np.linalg.norm(places / semiaxes, axis=1)
+    kept = places[rng.random(len(places)) < area / area.max()][:count]
+    normals = kept / semiaxes
+    return kept * semiaxes, normals / np.linalg.norm(normals, axis=1)[:, np.newaxis]
+
+
 def moebius(count, half_width, start=0.0, seed=4):
     """A strip with one side: its normals are opposite on both sides of the angle `start`."""
     u, v = np.random.default_rng(seed).uniform([start, -half_width], [start + 2 * np.pi, half_width], (count, 2)).T

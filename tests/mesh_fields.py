@@ -147,3 +147,16 @@ def prism(rng):
     pairs = [(low, np.roll(low, -1, axis=0)), (top, np.roll(top, -1, axis=0)), (low, top)]
     edges = np.concatenate([np.stack(pair, axis=1) for pair in pairs])
     return Analytic(inside), edges @ turn.T + CENTRE
+
+
+def rod(rng, radius):
+    """A turned rod with round ends, the signed distance in it: it bends everywhere and has no crease."""
+    way = rng.normal(size=3)
+    way /= np.linalg.norm(way)
+
+    def inside(x, y, z):
+        places = np.stack([x, y, z], axis=1) - CENTRE
+        along = np.clip(places @ way, -0.6, 0.6)
+        return radius - np.linalg.norm(places - along[:, np.newaxis] * way, axis=1)
+
+    return Analytic(inside)

@@ -17,8 +17,10 @@ from o3dleaf.surface.cloud.cells import Cells
 from o3dleaf.surface.cloud.neighbors import IndexArray
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 
-DISTANCE = 0.7
-"""Distance of the constraints in spacings: nearer, normals count for more, and farther they cut corners."""
+DISTANCE = 0.5
+"""Distance of the constraints in spacings, where the cloud is clean: farther, tips of few points bulge between them."""
+DISTANCE_OF_NOISY = 0.7
+"""The same where it is not: nearer, the errors of normals count for more."""
 DISTANCE_OF_MEANS = 1.0
 """The same where points are means of several: their noise was as thick as the spacing."""
 EVEN = 2.0
@@ -84,9 +86,9 @@ def offset_constraints(
     cloud : OrientedCloud, or what `OrientedCloud.of` makes one of
         With normals.
     distance : float or (n,) array_like, optional
-        The distance d wanted, in the unit of the points; left out, 0.7 spacings of the cloud, or one spacing where
-        points are means of several. Where points are more than twice as far apart, or as close together, as most of
-        them, so much more than twice is that distance longer, or shorter.
+        The distance d wanted, in the unit of the points; left out, half a spacing of the cloud, 0.7 where it is noisy,
+        or one where points are means of several. Where points are more than twice as far apart, or as close together,
+        as most of them, so much more than twice is that distance longer, or shorter.
     every : int
         One point in so many, at random but the same ones each time, has constraints, and besides all those whose
         constraints are nearer than wanted, so that each of close sheets has its own.
@@ -108,8 +110,7 @@ def offset_constraints(
     whole = OrientedCloud.of(cloud)
     x, n, chosen_sides = whole.points, whole.require_normals(), SIDES[require_choice(sides, SIDES, "sides")]
     if distance is None:
-        spacings = DISTANCE_OF_MEANS if (whole.weights > 1).any() else DISTANCE
-        distance = spacings * whole.spacing * _unevenness(whole)
+        distance = _spacings(whole) * whole.spacing * _unevenness(whole)
     wanted = as_row(distance, "distance", count=len(x))
     for each in (wanted.min(initial=1.0), wanted.max(initial=1.0)):
         require_positive(each, "distance")
@@ -125,6 +126,13 @@ def offset_constraints(
     value = [(1.0 if side else -1.0) * step[some, side] for side, some in zip(chosen_sides, rows, strict=True)]
     base, values = np.concatenate(rows), np.concatenate(value)
     return OffsetConstraints(x[base] - values[:, np.newaxis] * n[base], values, base)
+
+
+def _spacings(cloud: OrientedCloud) -> float:
+    """Return the distance that constraints of a cloud have, in spacings."""
+    if (cloud.weights > 1).any():
+        return DISTANCE_OF_MEANS
+    return DISTANCE if cloud.is_measurable and cloud.is_clean else DISTANCE_OF_NOISY
 
 
 def _unevenness(cloud: OrientedCloud) -> FloatArray:

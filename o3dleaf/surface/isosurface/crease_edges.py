@@ -1,5 +1,6 @@
 """Sharp edges: vertices where the tangent planes of a cell's crossings meet, and the edges between them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,23 @@ def meet_planes(squares: FloatArray, right: FloatArray, middle: FloatArray) -> F
     return np.asarray(middle + np.einsum("kij,kj->ki", axes, along))
 
 
+def stop_at_level(middle: FloatArray, met: FloatArray, values_at: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Return the places (k, 3) between the middles of loops and where planes meet at which a field is zero.
+
+    On a crease that is where they meet. Where a surface bends within a cell without one, as at the tip of a thin part,
+    they meet beyond it. On the way values count as linear; where both ends have one sign it is the end nearer to zero.
+
+    Parameters
+    ----------
+    middle, met : (k, 3) ndarrays
+    values_at : callable
+        ``values_at(places) -> (k,) ndarray``, less the level.
+    """
+    start, end = values_at(middle), values_at(met)
+    share = np.divide(start, start - end, out=np.ones(len(start)), where=start != end)
+    return np.asarray(middle + np.clip(share, 0.0, 1.0)[:, np.newaxis] * (met - middle))
+
+
 def join_creases(triangles: IntArray, ordinary: int) -> IntArray:
     """Return the triangles with the edges swapped that separate two vertices from `ordinary` on.
 
@@ -64,7 +82,7 @@ class CreaseVertices:
     Attributes
     ----------
     met, middle : (k, 3) ndarrays
-        Where the tangent planes of a loop meet, see `meet_planes`, and its middle.
+        Where the tangent planes of a loop meet, if the surface is there, see `stop_at_level`, and its middle.
     low, step : (k, 3), (3,) ndarrays
         Lower corners of their cells, and the sides of cells.
     """

@@ -78,8 +78,9 @@ def extract_isosurface(
         through the three values: off by O(spacing^3) at most where the field is smooth, instead of O(spacing^2).
     features : bool
         With seeds: evaluate the gradient at every vertex; where two in one cell are more than 26° apart, the cell
-        gets one vertex more, where the tangent planes of its vertices meet (half a cell beside it at most), and
-        neighbors of the kind are joined: creases of the field come out as edges, which marching cubes chamfers.
+        gets one vertex more, where the tangent planes of its vertices meet (half a cell beside it at most) or, on the
+        way there, the field is zero before, and neighbors of the kind are joined: creases of the field come out as
+        edges, which marching cubes chamfers, and bends without a crease stay round.
         Manifold all the same; triangles may cross where the field turns within a cell.
 
     Returns

@@ -1,11 +1,14 @@
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
-from cloud_shapes import block, slab, sphere, torus
+from cloud_shapes import block, ellipsoid, slab, sphere, torus
 from o3dleaf import OrientedCloud, offset_constraints
-from tolerances import NEAREST
+from o3dleaf.core.mesh_arrays import mesh_arrays
+from tolerances import NEAREST, TIPS_HELD
 
 
 def constraints(points, normals, distance, **options):
@@ -44,6 +47,34 @@ def test_sites_of_sparse_points_stand_off_by_their_own_spacing():
     assert most / least == pytest.approx(10, rel=0.1)
     even = OrientedCloud.of(cloud.points[:9_000], cloud.normals[:9_000])
     assert len(np.unique(np.abs(offset_constraints(even).values))) == 1
+
+
+def test_sites_stand_off_the_farther_the_noisier_a_cloud_is():
+    points, normals = sphere(2000)
+    noise = np.random.default_rng(1).normal(size=len(points))
+    distance = []
+    for share, weights in ((0.0, None), (0.3, None), (0.3, np.full(len(points), 2.0))):
+        spacing = OrientedCloud.of(points, normals).spacing
+        moved = points + (share * spacing * noise)[:, np.newaxis] * normals
+        cloud = OrientedCloud.of(moved, normals, weights=weights, spacing=np.full(len(points), spacing))
+        distance.append(np.abs(offset_constraints(cloud).values).max() / cloud.spacing)
+    assert distance[0] < 0.8 * distance[1]
+    assert distance[1] < 0.8 * distance[2]
+
+
+def test_tips_of_few_clean_points_are_held_by_sites_near_them():
+    """Of a thin ellipsoid, whose tips bend within a spacing: sites as far off as noise asks for let it bulge there."""
+    semiaxes, largest = np.array([1.0, 0.25, 0.12]), np.zeros(2)
+    for seed in range(4):
+        cloud = OrientedCloud.of(*ellipsoid(600, semiaxes, seed))
+        for k, distance in enumerate((None, 0.7 * cloud.spacing)):
+            chosen = partial(offset_constraints, distance=distance)
+            mesh, _ = o3l.create_from_point_cloud_rbfpu(cloud, constraints=chosen, measure=None)
+            vertices = mesh_arrays(mesh)[0]
+            slopes = vertices / semiaxes**2
+            off = np.abs((vertices * slopes).sum(axis=1) - 1) / (2 * np.linalg.norm(slopes, axis=1))
+            largest[k] += off.max()
+    assert largest[0] < TIPS_HELD * largest[1]
 
 
 def test_larger_is_inside_and_each_side_can_be_had_alone():

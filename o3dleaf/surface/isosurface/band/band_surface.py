@@ -19,7 +19,7 @@ from o3dleaf.surface.isosurface.band.band import BATCH_SIZE, BLOCK, Band, Crossi
 from o3dleaf.surface.isosurface.band.band_loops import CrossedEdges
 from o3dleaf.surface.isosurface.cell_loops import COUNTS, CUBES
 from o3dleaf.surface.isosurface.crease_edge_loops import FirstRows, TangentPlanes
-from o3dleaf.surface.isosurface.crease_edges import MIN_COSINE, CreaseVertices, join_creases, meet_planes
+from o3dleaf.surface.isosurface.crease_edges import MIN_COSINE, CreaseVertices, join_creases, meet_planes, stop_at_level
 from o3dleaf.surface.mesh.clip import trim_to_manifold
 
 SHARES = (1, 2, 3)
@@ -124,6 +124,7 @@ def _crease(band: Band, crossing: Crossing) -> tuple[FloatArray, IntArray]:
         return vertices, triangles
     lower = band.positions(band.keys[corners[planes.of_cell, 0]])
     met = meet_planes(planes.squares, planes.right, planes.middle)
+    met = stop_at_level(planes.middle, met, band.ask)
     triangles = join_creases(triangles, len(vertices))
     vertices, left = CreaseVertices(met, planes.middle, lower, band.step).place(vertices, triangles)
     if len(left):

@@ -12,7 +12,7 @@ from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.surface.isosurface.band.band import BATCH_SIZE, BLOCK
 from o3dleaf.surface.isosurface.band.band_surface import tangent_planes
 from o3dleaf.surface.isosurface.crease_edge_loops import TangentPlanes
-from o3dleaf.surface.isosurface.crease_edges import MAX_OUTSIDE, MIN_COSINE, meet_planes
+from o3dleaf.surface.isosurface.crease_edges import MAX_OUTSIDE, MIN_COSINE, meet_planes, stop_at_level
 from o3dleaf.surface.isosurface.octree import tracing_loops
 from o3dleaf.surface.isosurface.octree.octree_band import OctreeBand
 from o3dleaf.surface.isosurface.octree.traced import TracedLoops
@@ -39,7 +39,7 @@ class LoopVertices(NamedTuple):
     creased : (k,) ndarray of int64
         Which ones are on creases.
     met : (2, k, 3) ndarray
-        Where tangent planes meet there: half a leaf outside it at most, and within it.
+        Where tangent planes meet there, if the surface is there: half a leaf outside it at most, and within it.
     """
 
     smooth: FloatArray
@@ -84,6 +84,7 @@ def place_vertices(band: OctreeBand, traced: TracedLoops, field: Field, *, featu
     planes, creased = _planes(band, traced, field)
     rows = np.flatnonzero(creased & ~cut)
     met = meet_planes(planes.squares[rows], planes.right[rows], planes.middle[rows])
+    met = stop_at_level(planes.middle[rows], met, band.ask)
     low, high, beyond = low[rows], high[rows], MAX_OUTSIDE * side[rows, np.newaxis]
     met = np.stack([np.clip(met, low - beyond, high + beyond), np.clip(met, low, high)])
     return LoopVertices(vertices, middle, rows, met)
