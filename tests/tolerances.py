@@ -1451,3 +1451,6 @@ STEP_OF_SINGLE = 1e-5
 STEPS_OFF = 0.06
 """Steps from a surface to that of points rounded to steps of 2.5 spacings, on the average: 0.03 to 0.05 are found, and
 0.2 where they are not averaged."""
+RIDGED = 1e-6
+"""Heights over quadrics through points 5 around, with a ridge of 1e-9 of a point that the literal fit has not: found
+1e-7, and more than 1e-5 with a corner of the loss off by a thousandth."""
