@@ -16,8 +16,8 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
 
 FINENESS = ((100, 3), (1_000, 2), (20_000, 1), (200_000, 0))
-"""Up to so many points a sphere is an icosahedron, split so often: on a page of 1,600 pixels that spheres fill, edges are
-within a pixel of the circle. Of more points each one is an octahedron."""
+"""Up to so many points a sphere is an icosahedron, split so often: on a page of 1,600 pixels that spheres fill, edges
+are within a pixel of the circle. Of more points each one is an octahedron."""
 
 NEIGHBORS = 12
 """Points by which the plane of the cloud about each one is estimated."""
