@@ -14,6 +14,9 @@ from o3dleaf.samples.domain import BLOCK
 from o3dleaf.samples.solids import Solid
 from o3dleaf.surface.isosurface.polygonize import polygonize
 
+CUBE = 4
+"""Points along an edge of the cubes whose middles are evaluated first: with 3 or 6 it takes a third longer."""
+
 
 class Meshed(Solid):
     """A solid whose samples are drawn from the triangles of its level set and then moved to the closest points.
@@ -45,19 +48,37 @@ class Meshed(Solid):
         return draw_on_triangles(*self.mesh, count, rng)[0]
 
 
-def level_mesh(level: Callable[[FloatArray], FloatArray], box: FloatArray, step: float) -> tuple[FloatArray, IntArray]:
-    """Return vertices and triangles where values (n,) at points (n, 3), larger inside, vanish within a (2, 3) box."""
+def level_mesh(
+    level: Callable[[FloatArray], FloatArray], box: FloatArray, step: float, steepness: float = 1.0
+) -> tuple[FloatArray, IntArray]:
+    """Return vertices and triangles where values (n,) at points (n, 3), larger inside, vanish within a (2, 3) box.
+
+    They change by no more than `steepness` times the way, as distances do by the way: the value in the middle of a cube
+    of `CUBE`³ points of the lattice that is far from the surface tells the side of them all.
+    """
     lattice = Lattice.covering(box + step * np.array([[-1.0], [1.0]]), step)
-    axes = (o + s * np.arange(n) for o, s, n in zip(lattice.origin, lattice.spacing, lattice.shape, strict=True))
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    axes = [o + s * np.arange(n) for o, s, n in zip(lattice.origin, lattice.spacing, lattice.shape, strict=True)]
+    middles = [axis[::CUBE] + (CUBE - 1) / 2 * s for axis, s in zip(axes, lattice.spacing, strict=True)]
+    grid = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1)
+    values = _evaluate(level, grid.reshape(-1, 3)).reshape(grid.shape[:3])
+    for axis, count in enumerate(lattice.shape):
+        values = values.repeat(CUBE, axis=axis).take(np.arange(count), axis=axis)
+    # Half a cube's diagonal, and a step more for values that are distances but for their error far off.
+    reach = (CUBE - 1) / 2 * np.linalg.norm(lattice.spacing) + max(lattice.spacing)
+    near = np.nonzero(np.abs(values) <= steepness * reach)
+    values[near] = _evaluate(level, np.stack([axis[k] for axis, k in zip(axes, near, strict=True)], axis=1))
+    crossings, triangles = polygonize(values, 0.0)
+    return lattice.positions(crossings), triangles
+
+
+def _evaluate(level: Callable[[FloatArray], FloatArray], points: FloatArray) -> FloatArray:
     values = np.empty(len(points))
 
     def task(start: int, stop: int) -> None:
         values[start:stop] = level(points[start:stop])
 
     run_blocks(task, len(points), BLOCK)
-    crossings, triangles = polygonize(values.reshape(lattice.shape), 0.0)
-    return lattice.positions(crossings), triangles
+    return values
 
 
 def draw_on_triangles(

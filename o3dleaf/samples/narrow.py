@@ -100,11 +100,13 @@ def bumps(height: NotNegative = 0.01, wave: Positive = 0.15) -> MeshSolid:
         waves = np.cos(2 * np.pi / wave * points).prod(axis=1)
         return np.asarray(0.5 + height * waves - np.linalg.norm(points, axis=1))
 
-    return _solid(level, box, wave / 4)
+    return _solid(level, box, wave / 4, steepness=1 + 2 * np.pi * height / wave)
 
 
-def _solid(level: Callable[[FloatArray], FloatArray], box: FloatArray, narrow: float) -> MeshSolid:
-    return MeshSolid.of(level_mesh(level, box, narrow / STEPS))
+def _solid(
+    level: Callable[[FloatArray], FloatArray], box: FloatArray, narrow: float, *, steepness: float = 1.0
+) -> MeshSolid:
+    return MeshSolid.of(level_mesh(level, box, narrow / STEPS, steepness))
 
 
 def _length(*parts: FloatArray) -> FloatArray:

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.lattice import Lattice
 from o3dleaf.samples import bumps, fins, fold, gap
+from o3dleaf.samples.meshed import level_mesh
 from o3dleaf.samples.solids import CENTER, TURN
+from o3dleaf.surface.isosurface.polygonize import polygonize
 from o3dleaf.surface.mesh.topology import EdgeTable, label_triangles
 
 WIDTH = 0.08
@@ -52,3 +55,28 @@ def test_bumps_are_as_high_as_they_are_asked():
 def test_nothing_is_as_thick_as_zero(kind):
     with pytest.raises(InputError):
         kind(0.0)
+
+
+def all_around(level, box, step):
+    """Mesh a level set with a value at each point of its lattice."""
+    lattice = Lattice.covering(box + step * np.array([[-1.0], [1.0]]), step)
+    axes = (o + s * np.arange(n) for o, s, n in zip(lattice.origin, lattice.spacing, lattice.shape, strict=True))
+    values = level(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3))
+    crossings, triangles = polygonize(values.reshape(lattice.shape), 0.0)
+    return lattice.positions(crossings), triangles
+
+
+@pytest.mark.parametrize(("kind", "size"), [(fins, 0.15), (gap, 0.1), (fold, 0.1), (bumps, 0.03)])
+def test_values_far_from_the_surface_change_nothing(kind, size, monkeypatch):
+    asked = []
+
+    def both(level, box, step, steepness):
+        few = level_mesh(lambda points: asked.append(len(points)) or level(points), box, step, steepness)
+        whole = all_around(lambda points: asked.append(-len(points)) or level(points), box, step)
+        assert np.array_equal(few[0], whole[0])
+        assert np.array_equal(few[1], whole[1])
+        return few
+
+    monkeypatch.setattr("o3dleaf.samples.narrow.level_mesh", both)
+    kind(size)
+    assert sum(asked) < 0

@@ -32,8 +32,8 @@ class Distortion:
         slope.
     area : (n,) ndarray
         |S₁ × S₂|.
-    singular_values : (n, 3) ndarray
-        Of J, largest first: the axes of the ellipsoid that a small unit ball becomes.
+    jacobian : (n, 3, 3) ndarray
+        J itself.
     focal : (n,) ndarray
         Height above or below the blade, in its unit, at which the map folds; ∞ where it never does. Micro-structure
         that is taller cannot be put there.
@@ -45,13 +45,18 @@ class Distortion:
     shear: FloatArray
     thickness: FloatArray
     area: FloatArray
-    singular_values: FloatArray
+    jacobian: FloatArray
     focal: FloatArray
 
     def __repr__(self) -> str:
         ranges = [(name, getattr(self, name)) for name in ("along", "across", "thickness")]
         text = ", ".join(f"{name} {values.min():.3g} to {values.max():.3g}" for name, values in ranges)
         return f"Distortion({len(self.plane):,} places: {text})"
+
+    @property
+    def singular_values(self) -> FloatArray:
+        """Those of J (n, 3), largest first: the axes of the ellipsoid that a small unit ball becomes."""
+        return np.asarray(np.linalg.svd(self.jacobian, compute_uv=False))
 
     @property
     def volume(self) -> FloatArray:
@@ -98,7 +103,7 @@ class Distortion:
             shear=np.arcsin(np.clip(np.einsum("ni,ni->n", first, second) / (along * across), -1, 1)),
             thickness=np.einsum("ni,ni->n", direction, cross / area[:, np.newaxis]),
             area=area,
-            singular_values=np.asarray(np.linalg.svd(columns, compute_uv=False)),
+            jacobian=columns.transpose(0, 2, 1),
             focal=focal,
         )
 

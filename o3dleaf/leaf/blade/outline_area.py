@@ -9,7 +9,11 @@ import shapely
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.parallel import run_blocks
+from o3dleaf.leaf.blade.outline_loops import BOX, find_closest
 
+BLOCK = 1024
+"""Points that one thread looks up the closest places for at a time."""
 ONE_AT_A_TIME = threading.Lock()
 """Held while GEOS is asked."""
 
@@ -55,9 +59,12 @@ def in_polygon(polygon: shapely.Polygon, points: FloatArray) -> npt.NDArray[np.b
 
 def distances_beyond(polygon: shapely.Polygon, points: FloatArray) -> FloatArray:
     """Return (n, 3) the distances of (n, 2) points from a polygon's rim, above 0 outside, and their derivatives."""
-    sides, places = shapely.linestrings(sides_of(polygon).reshape(-1, 2, 2)), shapely.points(points)
-    nearest = sides[shapely.STRtree(sides).nearest(places)]
-    away = points - shapely.get_coordinates(shapely.shortest_line(nearest, places))[::2]
+    sides = sides_of(polygon)
+    begin = np.arange(0, len(sides), BOX)
+    low, high = np.minimum(sides[:, :2], sides[:, 2:]), np.maximum(sides[:, :2], sides[:, 2:])
+    boxes = np.hstack([np.minimum.reduceat(low, begin), np.maximum.reduceat(high, begin)])
+    away = np.empty_like(points)
+    run_blocks(lambda i, j: find_closest(points, sides, boxes, i, j, away), len(points), BLOCK)
     distance = np.linalg.norm(away, axis=1, keepdims=True)
     sign = np.where(in_polygon(polygon, points), -1.0, 1.0)[:, np.newaxis]
     return np.hstack([sign * distance, sign * away / np.where(distance > 0, distance, 1.0)])

@@ -24,7 +24,7 @@ BLUR = 2.0
 """Width of the Gaussian that a closed leaf's rim is smoothed by, in median spacings: the resolution of the scan."""
 MANY = 40_000
 """Triangles, those of 20,000 points, beyond which their union is made of their boundary, in a tenth of the time; its
-ring may then begin at another vertex."""
+ring may then begin at another vertex, from which a closed leaf's rim is sampled."""
 MAX_FRAGMENTS = 0.01
 """Share of the shrunk outline's area that may lie in other components than the largest."""
 
@@ -142,8 +142,13 @@ def _components(neighbors: npt.NDArray[np.integer], kept: IntArray) -> tuple[int
 
 def _filled_union(points: FloatArray, triangles: IntArray) -> shapely.Polygon:
     """Return the union of edge-connected triangles (m, 3) without its holes; of many, from their boundary alone."""
-    if len(triangles) <= MANY:
-        return shapely.Polygon(_largest(shapely.union_all(shapely.polygons(points[triangles]))).exterior)
+    if len(triangles) > MANY:
+        return _filled_boundary(points, triangles)
+    return shapely.Polygon(_largest(shapely.union_all(shapely.polygons(points[triangles]))).exterior)
+
+
+def _filled_boundary(points: FloatArray, triangles: IntArray) -> shapely.Polygon:
+    """Return the same from their boundary, as a ring that may begin at another vertex."""
     edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     # Delaunay's triangles overlap nowhere: an edge of one triangle alone is the boundary.
     keys, uses = np.unique(edges @ [len(points), 1], return_counts=True)
@@ -177,7 +182,7 @@ def _least_alpha(delaunay: Delaunay, radii: FloatArray) -> float:
 
     def has_no_neck(number: int) -> bool:
         # Shrunk by a spacing, a blade with a narrow neck falls apart; single triangles at its rim may go.
-        core = _filled_union(points, largest(number)).buffer(-spacing)
+        core = _filled_boundary(points, largest(number)).buffer(-spacing)
         return bool(core.is_empty or _largest(core).area >= (1 - MAX_FRAGMENTS) * core.area)
 
     last = len(candidates) - 1

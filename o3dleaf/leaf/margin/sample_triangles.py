@@ -3,8 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
@@ -12,6 +10,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.trees import query
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.sample_spacing import BoolArray, even_points, local_shape
+from o3dleaf.surface.mesh.topology import label_nodes
 
 BESIDE = 0.5
 """Spacings between places along a border from which distances are taken: those of 1 are 0.03 too long at most."""
@@ -135,7 +134,6 @@ def components_of(neighbors: IntArray, chosen: BoolArray) -> IntArray:
     place[rows] = np.arange(len(rows))
     other = place[neighbors[rows]]
     row, side = np.nonzero(other >= 0)
-    graph = coo_array((np.ones(len(row), dtype=bool), (row, other[row, side])), shape=(len(rows), len(rows)))
     labels = np.full(len(chosen), -1, dtype=np.int64)
-    labels[rows] = connected_components(graph, directed=False)[1]
+    labels[rows] = label_nodes(np.ascontiguousarray(row), other[row, side], len(rows))
     return labels

@@ -14,5 +14,6 @@
 `average_loops`    the compiled loops of averaging and thinning
 `star_loops`       the compiled loops of stars
 `gluing_loops`     the compiled loops of gluing
+`layer_loops`      the compiled loop of what lies above and below
 `hole_loops`       the compiled loop that triangulates a hole
 """

@@ -10,10 +10,13 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
+from o3dleaf.core.parallel import run_blocks
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.average import average_across, thin
 from o3dleaf.leaf.sheet.gluing import glue_sheets
+from o3dleaf.leaf.sheet.layer_loops import find_layers
 from o3dleaf.leaf.sheet.stars import SLOPE, triangulate
+from o3dleaf.surface.cloud.cells import Cells
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, find_holes, label_triangles
@@ -37,6 +40,8 @@ FLAT = float(np.sin(np.radians(25.0)))
 """Sine of the angle that neighbors may lie off the tangent planes beside such a line: less than half a right angle."""
 TOUCH, ALONG = 0.5, 4
 """Share of the gap's radius within which a rim touches what is more than so many edges off along the sheet."""
+BLOCK = 16
+"""Cells of points that one thread looks above and below at a time."""
 VOTES, SIZE = 0.1, 0.1
 """What a missing star, and a circumradius of the largest, count against a triangle, beside 1 - cos of its bends."""
 
@@ -208,16 +213,17 @@ def nearest_layers(
     Above and below is what lies within acos(`steep`) of the normal; where there is nothing in `reach` the distance is
     infinite and the row -1.
     """
-    tree, rows = cKDTree(vertices), np.arange(len(vertices)) if rows is None else rows
-    pairs = cKDTree(vertices[rows]).sparse_distance_matrix(tree, reach, output_type="ndarray")
-    one, other, length = np.asarray(pairs["i"]), np.asarray(pairs["j"]), np.asarray(pairs["v"])
-    height = np.einsum("ij,ij->i", vertices[other] - vertices[rows[one]], normals[rows[one]])
-    over = np.flatnonzero((np.abs(height) >= steep * length) & (length > 0))
-    over = over[np.lexsort((other[over], -length[over]))]
-    one, other, side = one[over], other[over], (height[over] < 0).astype(np.int64)
-    distance, facing = np.full((len(rows), 2), np.inf), np.zeros((len(rows), 2))
-    row = np.full((len(rows), 2), -1)
-    distance[one, side] = length[over]  # the nearest is written last
-    facing[one, side] = np.einsum("ij,ij->i", normals[rows[one]], normals[other])
-    row[one, side] = other
-    return Overlaps(distance, facing, row)
+    cells = Cells.sort(vertices, reach)
+    order = cells.order
+    asked = np.ones(len(vertices), bool) if rows is None else np.isin(order, rows)
+    sheet, lists = (vertices[order], normals[order]), (cells.number, cells.first, cells.last, cells.shape)
+    distance, row = np.full((len(vertices), 2), np.inf), np.full((len(vertices), 2), -1)
+
+    def task(start: int, stop: int) -> None:
+        find_layers(*sheet, reach, steep, asked, order, *lists, start, stop, distance, row)
+
+    run_blocks(task, len(cells.number), BLOCK)
+    rows = np.arange(len(vertices)) if rows is None else rows
+    distance, row = distance[rows], row[rows]
+    facing = np.einsum("ia,ija->ij", normals[rows], normals[row])
+    return Overlaps(distance, np.where(row >= 0, facing, 0.0), row)

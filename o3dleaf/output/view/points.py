@@ -15,8 +15,9 @@ from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
 
-FINENESS = ((1_000, 3), (20_000, 1), (200_000, 0))
-"""Up to so many points a sphere is an icosahedron, split so often; of more points each one is an octahedron."""
+FINENESS = ((100, 3), (1_000, 2), (20_000, 1), (200_000, 0))
+"""Up to so many points a sphere is an icosahedron, split so often: on a page of 1,600 pixels that spheres fill, edges
+are within a pixel of the circle. Of more points each one is an octahedron."""
 
 NEIGHBORS = 12
 """Points by which the plane of the cloud about each one is estimated."""

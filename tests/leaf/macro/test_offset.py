@@ -143,6 +143,7 @@ def test_distortion_is_the_slope_of_lift_at_the_blade(parts, flat, offset):
         (found.across, lengths[:, 1]),
         (np.sin(found.shear), np.einsum("ni,ni->n", slope[:, :, 0], slope[:, :, 1]) / lengths[:, 0] / lengths[:, 1]),
         (found.volume, np.linalg.det(slope)),
+        (found.jacobian, slope),
         (found.singular_values, np.linalg.svd(slope, compute_uv=False)),
     ):
         assert values == pytest.approx(expected, abs=ANALYTIC_VS_DIFFERENCE)

@@ -28,7 +28,7 @@ class Ways:
         each = np.column_stack([triangles, len(vertices) + edges.of_half.reshape(-1, 3)])
         first, second = np.triu_indices(6, 1)
         pairs = np.sort(np.column_stack([each[:, first].ravel(), each[:, second].ravel()]), axis=1)
-        pairs = np.unique(pairs, axis=0)
+        pairs = np.stack(np.divmod(np.unique(pairs @ [len(nodes), 1]), len(nodes)), axis=1)
         length = np.linalg.norm(nodes[pairs[:, 0]] - nodes[pairs[:, 1]], axis=1)
         # Two vertices in one place would be no link.
         length = np.maximum(length, 1e-12 * length.max())

@@ -12,5 +12,6 @@
 `leaf_pair`       two leaves of one sheet, and what is said of them
 `minimum_cut`     points parted where the fewest links between neighbors are cut
 `nearer_surface`  points told apart by which of two surfaces they are nearer to
+`nearer_loops`    the compiled loop of heights over surfaces
 `slits`           gaps between the margins of a leaf that is rolled up
 """

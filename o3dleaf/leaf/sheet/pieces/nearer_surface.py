@@ -1,5 +1,6 @@
 """Points of two sheets that are both seen, one over the other, told apart by the surface that each is nearer to."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -7,8 +8,9 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.core.parallel import blocks
+from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.trees import query
+from o3dleaf.leaf.sheet.pieces.nearer_loops import find_heights
 
 NEAREST = 100
 """Points of a sheet that its surface at a place is found from: a quadric has six coefficients, and the noise of its
@@ -31,7 +33,7 @@ BOTH = 0.75
 hides the other they share the points of one."""
 AROUND = 2.0
 """Spacings within which points are counted for it."""
-BATCH_SIZE = 2048
+BATCH_SIZE, BLOCK = 2048, 64
 
 
 class Told(NamedTuple):
@@ -102,28 +104,10 @@ class Heights(NamedTuple):
             some = anew[i:j]
             distance, rows = query(tree, at[some], k=np.arange(1, count + 1))
             self.reach[some] = distance[:, -1] if count == NEAREST else np.inf
-            size = np.maximum(distance[:, -1:], np.finfo(float).tiny)
-            offsets = points[rows] - at[some, np.newaxis]
-            u, v, w = np.einsum("nka,nba->bnk", offsets, _frames(normals[some])) / size
-            mean = np.hypot(u.mean(axis=1), v.mean(axis=1))
-            self.inside[some] = mean < INSIDE * np.sqrt((u**2 + v**2).mean(axis=1))
-            terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
-            self.height[some] = -size[:, 0] * _robust_value(terms, w)
-
-
-def _robust_value(terms: FloatArray, height: FloatArray) -> FloatArray:
-    """Return the first coefficients (n,) of fits of `terms` (n, k, 6) to heights (n, k), by Huber's loss."""
-    weight = np.ones_like(height)
-    ridge = 1e-9 * height.shape[1] * np.eye(terms.shape[2])
-    for last in (False, True):
-        weighted = terms * weight[:, :, np.newaxis]
-        normal = np.swapaxes(weighted, 1, 2) @ terms + ridge
-        fit = np.linalg.solve(normal, np.swapaxes(weighted, 1, 2) @ height[:, :, np.newaxis])
-        if not last:
-            off = np.abs(height - (terms @ fit)[:, :, 0])
-            corner = HUBER * np.median(off, axis=1, keepdims=True) + np.finfo(float).tiny
-            weight = 1 / np.maximum(1.0, off / corner)
-    return np.asarray(fit[:, 0, 0])
+            height, spread = np.empty((2, len(some)))
+            task = partial(find_heights, at[some], _frames(normals[some]), points, rows, HUBER, height, spread)
+            run_blocks(task, len(some), BLOCK)
+            self.height[some], self.inside[some] = height, spread < INSIDE
 
 
 def _frames(normals: FloatArray) -> FloatArray:

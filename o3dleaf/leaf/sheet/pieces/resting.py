@@ -7,7 +7,6 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.core.parallel import blocks
 from o3dleaf.core.places import tell_middle
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
@@ -32,7 +31,6 @@ SIDES = 0.9
 """Share of the points that lie over or under others from which on these may be the two sides of one leaf."""
 MIN_SHARE = 0.1
 """Share of the points of both that a leaf has at least, as in `find_necks`."""
-BATCH_SIZE = 2048
 
 
 class _TwoLeaves(NamedTuple):
@@ -124,11 +122,9 @@ def _one_over_another(
     points: FloatArray, normals: FloatArray, reach: float, least: float
 ) -> tuple[BoolArray, BoolArray, FloatArray]:
     """Return which points (n,) lie over another one and under none, and the reverse, and the heights (k,) of these."""
-    distance = np.full((len(points), 2), np.inf)
-    for i, j in blocks(len(points), BATCH_SIZE):
-        layers = nearest_layers(points, normals, reach, STEEP, np.arange(i, j))
-        of_layer = (layers.facing >= MOSTLY) & (layers.distance >= least)
-        distance[i:j] = np.where(of_layer, layers.distance, np.inf)
+    layers = nearest_layers(points, normals, reach, STEEP)
+    of_layer = (layers.facing >= MOSTLY) & (layers.distance >= least)
+    distance = np.where(of_layer, layers.distance, np.inf)
     under, over = np.isfinite(distance).T
     upper, lower = over & ~under, under & ~over
     return upper, lower, np.concatenate([distance[upper, 1], distance[lower, 0]])

@@ -8,10 +8,10 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf.leaf.sheet.pieces.minimum_cut import CROSSING, Links, minimum_cut
-from o3dleaf.leaf.sheet.pieces.nearer_surface import Heights, tell_by_surface
+from o3dleaf.leaf.sheet.pieces.nearer_surface import HUBER, INSIDE, NEAREST, Heights, tell_by_surface
 from o3dleaf.leaf.sheet.sheet import find_sheet
 from o3dleaf.samples.leaves.resting import drawn_leaves
-from tolerances import RESTING_AREA, RESTING_WRONG
+from tolerances import RESTING_AREA, RESTING_WRONG, RIDGED
 
 SAID = "lie on one another"
 
@@ -161,3 +161,27 @@ def test_heights_found_anew_where_points_changed_sides_are_those_found_from_all_
         fresh.update(places, normals, points[now], points)
         assert all(np.array_equal(*each) for each in zip(kept, fresh, strict=True))
         before = now
+
+
+def test_heights_are_those_of_fits_by_huber_s_loss_written_out():
+    rng = np.random.default_rng(6)
+    points = np.column_stack([rng.uniform(-12, 12, (900, 2)), rng.normal(0, 0.1, 900)])
+    points[:, 2] += 0.02 * points[:, 0] ** 2 + 2 * (rng.random(900) < 0.1)
+    places = rng.uniform(-12, 12, (40, 3)) * [1, 1, 0.1]
+    normals = rng.normal(0, 0.1, (40, 3)) + [0, 0, 1]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    found = Heights.unknown(len(places))
+    found.update(places, normals, points, points)
+    for place, normal, height, inside in zip(places, normals, found.height, found.inside, strict=True):
+        near = points[np.argsort(np.linalg.norm(points - place, axis=1))[:NEAREST]] - place
+        size = np.linalg.norm(near[-1])
+        (u, v), w = np.linalg.svd(normal[np.newaxis])[2][1:] @ near.T / size, near @ normal / size
+        assert inside == (np.hypot(u.mean(), v.mean()) < INSIDE * np.sqrt((u**2 + v**2).mean()))
+        terms, weight = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v]), np.ones_like(u)
+        for _ in range(2):
+            root = np.sqrt(weight)
+            fit = np.linalg.lstsq(root[:, np.newaxis] * terms, root * w, rcond=None)[0]
+            off = np.abs(w - terms @ fit)
+            weight = 1 / np.maximum(1.0, off / (HUBER * np.median(off)))
+        assert height == pytest.approx(-size * fit[0], abs=RIDGED)
+    assert 0 < found.inside.mean() < 1
