@@ -209,10 +209,10 @@ def even_points(points: FloatArray) -> IntArray:
     spacing = crude_spacing(points, tree)
     widest = handed_on(neighbors_of(points, tree), spacing)
     dense = widest > JUMP * spacing  # along one row density falls by less in some places than in others
-    row = _in_rows(points, tree)
-    if row[~dense].mean() > MAX_ROWS:
-        row[:] = False  # lines, of which some are denser than others
-    if (dense & ((widest > CRUDE_JUMP * spacing) | row)).mean() < MIN_SHARE:
+    in_row = _in_rows(points, tree)
+    if in_row[~dense].mean() > MAX_ROWS:
+        in_row[:] = False  # lines, of which some are denser than others
+    if (dense & ((widest > CRUDE_JUMP * spacing) | in_row)).mean() < MIN_SHARE:
         return np.arange(len(points))
     kept = ~dense
     for row in np.flatnonzero(dense):

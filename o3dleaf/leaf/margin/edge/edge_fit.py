@@ -155,7 +155,7 @@ def _crossed(curve: FloatArray) -> BoolArray:
     apart = (other - one) % count
     rows, lengths = one[(apart > 1) & (apart <= count // 2)], apart[(apart > 1) & (apart <= count // 2)]
     changes = np.bincount(rows + 1, minlength=2 * count + 1) - np.bincount(rows + lengths + 1, minlength=2 * count + 1)
-    return np.cumsum(changes[: 2 * count]).reshape(2, count).any(axis=0)
+    return np.asarray(np.cumsum(changes[: 2 * count]).reshape(2, count).any(axis=0))
 
 
 def _beside(nodes: BoolArray, reach: int) -> FloatArray:
