@@ -1468,7 +1468,7 @@ THINNED_OFFSET = 0.02
 """Spacings; those of three densities are within 0.005. If the points lay up to half a spacing from the edge, as
 averages of voxels, two would be 0.03 and 0.05 off."""
 
-THINNED_AREA = 0.006
+AREA_OF_THINNED = 0.006
 """Of an ellipse of 2,000 points, whose margin is known to 0.05 spacings; six draws of each density lie within 0.51 %.
 Without the least distance they are 0.6 to 1.4 % too large for those of the test."""
 

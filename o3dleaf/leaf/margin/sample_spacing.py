@@ -224,8 +224,8 @@ def even_points(points: FloatArray) -> IntArray:
 def _in_rows(points: FloatArray, tree: cKDTree) -> BoolArray:
     """Return which of the points (n, 2) lie in a row with their nearest neighbors."""
     way = points[query(tree, points, k=min(BESIDE + 1, len(points)))[1][:, 1:]] - points[:, None]
-    axes = (way[..., 0] + 1j * way[..., 1]) ** 2
-    return np.asarray(np.abs((axes / np.abs(axes)).mean(axis=1)) > IN_ROW)
+    along = way[..., 0] + 1j * way[..., 1]
+    return np.asarray(np.abs(((along / np.abs(along)) ** 2).mean(axis=1)) > IN_ROW)
 
 
 def spacing_between(near: IntArray, triangles: IntArray, spacing: FloatArray, jump: float) -> FloatArray:

@@ -10,7 +10,7 @@ import planar_leaves as leaves
 from o3dleaf.leaf.margin.edge.edge_score import BLUR, SHUT_OUT, blurred, score
 from o3dleaf.leaf.margin.edge.least_distance import excess_beside, least_distance
 from o3dleaf.leaf.margin.margin import Margin
-from tolerances import THINNED_AREA, THINNED_BLADE, THINNED_EXCESS, THINNED_OFFSET
+from tolerances import AREA_OF_THINNED, THINNED_BLADE, THINNED_EXCESS, THINNED_OFFSET
 
 RATIOS = {0.552: 1.97, 0.685: 4.26, 0.762: 13.8}
 """Points thinned to so many spacings of what is left, and how many there were for each of these."""
@@ -66,7 +66,7 @@ def test_a_thinned_sample_ends_where_the_leaf_does(share, seed):
     leaf = leaves.ellipse()
     points = thinned(leaf, 2000, share, np.random.default_rng(seed))
     margin = Margin.fit(points)
-    assert abs(margin.area / leaf.area - 1) < THINNED_AREA
+    assert abs(margin.area / leaf.area - 1) < AREA_OF_THINNED
     assert "after thinning to a least distance" in margin.notes[0]
 
 

@@ -140,9 +140,9 @@ def moved_apart(frame: EdgeFrame, distance: FloatArray, share: FloatArray) -> Fl
     """
     curve = moved_along(frame, distance, share)
     for reach in UNCROSSED:
-        if shapely.is_valid(shapely.Polygon(curve)):
+        if shapely.is_valid(shapely.Polygon(curve)) or not (crossed := _crossed(curve)).any():
             break
-        share = share * _beside(_crossed(curve), round(reach / NODE_STEP))
+        share = share * _beside(crossed, round(reach / NODE_STEP))
         curve = moved_along(frame, distance, share)
     return curve
 

@@ -38,8 +38,8 @@ def excess_beside(share: FloatArray | float) -> FloatArray:
 
     .. math:: ε = c^3/3 + c^5/5
 
-    The first term is what the discs of a few points lack beyond the edge; the second, of three points and more, is as
-    simulated, to 0.01 up to the densest sample (`scripts/measure_thinned.py`).
+    The first term is what the discs of pairs of points lack beyond the edge; the second, of three points and more, is
+    as simulated, to 0.02 up to the densest sample (`tests/leaf/margin/test_least_distance.py`).
 
     References
     ----------
