@@ -10,12 +10,10 @@ from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray
 
-ALONG = (4, 8, 16)
+ALONG = {4: 1.1, 8: 1.0, 16: 1.0}
 """Neighbors of a point that may all be of its own line: half of them to either side, where lines are farther apart than
-that. More of them show lines through more noise."""
-AS_FAR = 1.25
-"""Times the distance of the last of them, up to which others count with them: of the six nearest points of a lattice of
-triangles, as far as one another but for a rounding, four would have a direction."""
+that. More of them show lines through more noise. What is so many times as far as the last of them counts, too: of the
+six nearest points of a lattice of triangles, as far as one another but for a rounding, four would have a direction."""
 MIN_ORDER = 1 / 3
 """Length of the mean of unit vectors of twice the neighbors' angles from which on they are of a line, between 0 of none
 and 1: in the median over a leaf independent points have 0.1 by chance, and 0.3 on a strip three spacings wide."""
@@ -97,10 +95,10 @@ def sample_lines(points: FloatArray, spacing: FloatArray) -> SampleLines | None:
     way = points[around[:, 1:]] - points[:, None]
     axis = (way[..., 0] + 1j * way[..., 1]) ** 2
     axis /= np.abs(axis)
-    near = [away[:, 1:] <= AS_FAR * away[:, [count]] for count in ALONG]
+    near = [away[:, 1:] <= far * away[:, [count]] for count, far in ALONG.items()]
     means = [((axis * each).sum(axis=1) / each.sum(axis=1))[around].mean(axis=1) for each in near]
     best = int(np.argmax([np.median(np.abs(mean)) for mean in means]))
-    mean, count, order = means[best], ALONG[best], np.abs(means[best])
+    mean, count, order = means[best], list(ALONG)[best], np.abs(means[best])
     if np.median(order) < MIN_ORDER:
         return None
     turn = np.angle(mean) / 2
