@@ -42,6 +42,7 @@ def height_noise(points: FloatArray) -> float:
 
 
 def density_of(plane: FloatArray) -> float:
-    """Return points per area, of the median point: its neighbors over the disc that contains them."""
+    """Return points per area, of the median point: its neighbors over the disc that contains them; ∞ of one place."""
     distance, _ = query(cKDTree(plane), plane, k=[min(4 * NEIGHBORS, len(plane))])
-    return 4 * NEIGHBORS / (np.pi * float(np.median(distance)) ** 2)
+    reach = float(np.median(distance))
+    return 4 * NEIGHBORS / (np.pi * reach**2) if reach > 0 else np.inf

@@ -198,6 +198,8 @@ class ChartSurface:
         """
         points = as_points(x, "x", dim=3)
         begin = None if start is None else self._near(start, "start")
+        if begin is not None and len(begin) != len(points):
+            raise InputError(f"start: has {len(begin):,} places for {len(points):,} points; give one for each")
         if begin is None:
             found = closest_feet(self.balls, points, self._near_sites if samples is None else samples)
         else:

@@ -188,8 +188,11 @@ def _are_sparse_sheets(
         return sheet[suspect]
     far = distance[:, -1]
     sheet[suspect] = ~_are_small(linked(distance, row, MAX_RATIO * np.minimum(far[:, np.newaxis], far[row])))[suspect]
-    spacing, usual = np.sqrt(np.pi / NEIGHBORS) * far, np.median(far)
-    octave = np.floor(np.log2(spacing / usual))
+    if not sheet.any():
+        return sheet[suspect]
+    spacing, usual = np.sqrt(np.pi / NEIGHBORS) * far, np.median(far[far > 0])  # points that are repeated have none
+    octave = np.full(len(points), -np.inf)
+    octave[sheet] = np.floor(np.log2(spacing[sheet] / usual))
     count, most = SHEET
     for each in np.unique(octave[sheet]):
         rows = np.flatnonzero(sheet & (octave == each))

@@ -199,7 +199,7 @@ def require_enough(count: int, whole: int) -> None:
     if not whole:
         raise InputError(f"cloud: is empty; a surface needs at least {MIN_POINTS} points")
     if whole < MIN_POINTS:
-        raise InputError(f"cloud: has {whole} points, too few to show a surface, which needs at least {MIN_POINTS}")
+        raise InputError(f"cloud: has {whole} points, too few to show a surface; give at least {MIN_POINTS}")
     if count < MIN_POINTS:
         raise InputError(
             f"cloud: {count} of {whole} points are left after removing repeated, outlying and non-finite ones; "

@@ -114,6 +114,8 @@ def extract_isosurface(
     """
     require_choice(method, METHODS, "method")
     require_one_column(field, "extract_isosurface")
+    if np.ndim(field.bounds) != 2:
+        raise InputError("field: has no bounds (2, 3); give it those of the box that it is known in")
     dimensions = np.shape(field.bounds)[-1]
     if dimensions != 3:
         raise InputError(f"field: is a function in {dimensions}-D; an isosurface is that of one in 3-D")

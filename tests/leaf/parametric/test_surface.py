@@ -129,6 +129,11 @@ def test_feet_from_a_start_are_those_of_the_search(cylinder):
     assert np.abs(found - uv).max() <= CHART_FOOT
 
 
+def test_each_point_has_its_own_start(cylinder):
+    with pytest.raises(InputError, match="start: has 0 places for 2 points; give one for each"):
+        cylinder.feet(np.ones((2, 3)), np.empty((0, 2)))
+
+
 def test_beyond_the_focus_feet_are_numbers(cylinder):
     points = np.random.default_rng(7).uniform(-60, 60, (500, 3))
     found, heights, _ = cylinder.feet(points)

@@ -235,7 +235,15 @@ def test_a_wrapped_step_finds_what_the_bare_one_finds():
 
 @pytest.mark.parametrize("count", [3, 9])
 def test_few_points_are_called_few_and_many_that_are_one_damaged(count):
-    with pytest.raises(InputError, match=f"has {count} points, too few to show a surface, which needs at least 10$"):
+    with pytest.raises(InputError, match=f"has {count} points, too few to show a surface; give at least 10$"):
         remove_faults(np.random.default_rng(1).random((count, 3)))
     with pytest.raises(InputError, match=r"1 of 30 points .* is it damaged"):
         remove_faults(np.ones((30, 3)))
+
+
+def test_of_points_that_are_mostly_repeated_none_is_divided_by_nothing():
+    """Nine of ten points lie at two places: their spacing is 0, and that of the others is their own."""
+    points = sphere(400, np.random.default_rng(0))[0]
+    points[40:] = points[np.random.default_rng(1).integers(0, 2, 360)]
+    with np.errstate(all="raise", under="ignore"):
+        assert len(detect_outliers(points)) == 400

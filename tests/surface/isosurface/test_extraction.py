@@ -248,3 +248,10 @@ def test_a_field_of_the_plane_has_no_isosurface():
     points = np.random.default_rng(2).uniform(size=(200, 2))
     with pytest.raises(InputError, match="field: is a function in 2-D"):
         extract_isosurface(PUInterpolant.fit(points, points[:, 0]), 0.1)
+
+
+def test_a_field_without_bounds_says_so():
+    field = Analytic(lambda x, y, z: x)
+    field.bounds = None
+    with pytest.raises(InputError, match=r"field: has no bounds \(2, 3\); give"):
+        extract_isosurface(field, 0.1)
