@@ -251,7 +251,5 @@ def test_a_field_of_the_plane_has_no_isosurface():
 
 
 def test_a_field_without_bounds_says_so():
-    field = Analytic(lambda x, y, z: x)
-    field.bounds = None
     with pytest.raises(InputError, match=r"field: has no bounds \(2, 3\); give"):
-        extract_isosurface(field, 0.1)
+        extract_isosurface(Analytic(lambda x, y, z: x, bounds=None), 0.1)
