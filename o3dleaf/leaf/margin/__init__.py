@@ -1,7 +1,7 @@
 """The margin: where the leaf ends, in the chart.
 
 `margin`            the margin: the closed curve in the chart where the leaf ends
-`hole`              a hole of the leaf, kept or filled
+`margin_rings`      the curves where the leaf ends, of a covered region
 `margin_curve`      rings smoothed without shrinking, and grown to where the leaf ends
 `margin_tips`       sharp tips restored
 `edge`              the curve of greatest likelihood of a random sample

@@ -28,7 +28,7 @@ from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.macro.outline import AlphaShape
 from o3dleaf.leaf.macro.robust import RobustChoice
-from o3dleaf.leaf.margin.hole import Hole
+from o3dleaf.leaf.margin.gaps.hole import Hole
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade

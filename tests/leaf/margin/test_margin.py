@@ -6,9 +6,10 @@ from scipy.spatial import cKDTree
 import planar_leaves as leaves
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.models.model_file import read_model, write_model
-from o3dleaf.leaf.margin.hole import Hole
-from o3dleaf.leaf.margin.margin import Margin, _start
+from o3dleaf.leaf.margin.gaps.hole import Hole
+from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.margin.margin_curve import Spacing, resample
+from o3dleaf.leaf.margin.margin_rings import begin_ring
 from o3dleaf.leaf.saved.model_arrays import check_model
 from tolerances import (
     MARGIN_AREA,
@@ -152,7 +153,9 @@ def test_a_margin_does_not_depend_on_where_the_ring_of_an_area_begins():
     points = leaves.uniform(leaves.strip(20), 800, np.random.default_rng(0))
     spacing = Spacing(cKDTree(points), np.full(len(points), leaves.true_spacing(leaves.strip(20), points)))
     ring = shapely.get_coordinates(leaves.strip(20).exterior)[:-1]
-    curves = [_start(shapely.Polygon(np.roll(ring, by, axis=0)), spacing, hole=False)[0] for by in (0, len(ring) // 3)]
+    curves = [
+        begin_ring(shapely.Polygon(np.roll(ring, by, axis=0)), spacing, hole=False)[0] for by in (0, len(ring) // 3)
+    ]
     assert np.allclose(*curves, rtol=0, atol=ON_RING)
 
 

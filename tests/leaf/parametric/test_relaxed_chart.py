@@ -9,7 +9,7 @@ import tolerances as tol
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly
 from o3dleaf.leaf.chart.flattening.stretch import stretch_quantiles
-from o3dleaf.leaf.margin.hole import Hole
+from o3dleaf.leaf.margin.gaps.hole import Hole
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.margin.sheet_mesh import triangulate
 from o3dleaf.leaf.parametric.surface import ChartSurface

@@ -3,4 +3,5 @@
 `sample_gaps`    gaps by what they are enclosed in, by their area, and by their width
 `narrow_bays`    gaps of triangles that are each no larger than chance's
 `joined_pieces`  pieces over gaps, and points apart
+`hole`           a hole of the leaf, kept or filled
 """
