@@ -8,12 +8,12 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.trees import query
-from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray
+from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray, axes_to
 
 ALONG = {4: 1.1, 8: 1.0, 16: 1.0}
 """Neighbors of a point that may all be of its own line: half of them to either side, where lines are farther apart than
-that. More of them show lines through more noise. What is so many times as far as the last of them counts, too: of the
-six nearest points of a lattice of triangles, as far as one another but for a rounding, four would have a direction."""
+that. More of them show lines through more noise. And how many times as far as the last of them others may be that count
+with them: of the six points nearest in a lattice of triangles, all as far but for a rounding, four have a direction."""
 MIN_ORDER = 1 / 3
 """Length of the mean of unit vectors of twice the neighbors' angles from which on they are of a line, between 0 of none
 and 1: in the median over a leaf independent points have 0.1 by chance, and 0.3 on a strip three spacings wide."""
@@ -92,9 +92,7 @@ def sample_lines(points: FloatArray, spacing: FloatArray) -> SampleLines | None:
         return None
     tree = cKDTree(points)
     away, around = query(tree, points, k=NEIGHBORS)
-    way = points[around[:, 1:]] - points[:, None]
-    axis = (way[..., 0] + 1j * way[..., 1]) ** 2
-    axis /= np.abs(axis)
+    axis = axes_to(around[:, 1:], points)
     near = [away[:, 1:] <= far * away[:, [count]] for count, far in ALONG.items()]
     means = [((axis * each).sum(axis=1) / each.sum(axis=1))[around].mean(axis=1) for each in near]
     best = int(np.argmax([np.median(np.abs(mean)) for mean in means]))
@@ -103,7 +101,8 @@ def sample_lines(points: FloatArray, spacing: FloatArray) -> SampleLines | None:
         return None
     turn = np.angle(mean) / 2
     along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    step = np.abs((way[:, count - 1] * along).sum(axis=1))[around].mean(axis=1) / (count / 2)
+    way = points[around[:, count]] - points
+    step = np.abs((way * along).sum(axis=1))[around].mean(axis=1) / (count / 2)
     # Of normal angles with deviation σ the mean axis has the length exp(−2 σ²); lines have one pair for two neighbors.
     astray = np.sqrt(-np.log(np.clip(order, LEAST_ORDER, 1.0)) / 2 / (NEIGHBORS * count / 2))
     return SampleLines(tree, along, spacing**2 / step, spacing, astray, order >= MIN_ORDER)

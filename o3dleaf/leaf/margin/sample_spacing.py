@@ -223,9 +223,15 @@ def even_points(points: FloatArray) -> IntArray:
 
 def _in_rows(points: FloatArray, tree: cKDTree) -> BoolArray:
     """Return which of the points (n, 2) lie in a row with their nearest neighbors."""
-    way = points[query(tree, points, k=min(BESIDE + 1, len(points)))[1][:, 1:]] - points[:, None]
+    near = query(tree, points, k=min(BESIDE + 1, len(points)))[1][:, 1:]
+    return np.asarray(np.abs(axes_to(near, points).mean(axis=1)) > IN_ROW)
+
+
+def axes_to(near: IntArray, points: FloatArray) -> npt.NDArray[np.complex128]:
+    """Return the directions (n, k) from points (n, 2) to others in the rows `near`, as axes: of twice the angle."""
+    way = points[near] - points[:, np.newaxis]
     along = way[..., 0] + 1j * way[..., 1]
-    return np.asarray(np.abs(((along / np.abs(along)) ** 2).mean(axis=1)) > IN_ROW)
+    return np.asarray((along / np.abs(along)) ** 2)
 
 
 def spacing_between(near: IntArray, triangles: IntArray, spacing: FloatArray, jump: float) -> FloatArray:

@@ -10,10 +10,12 @@ import planar_leaves as leaves
 from o3dleaf.leaf.margin.edge.edge_score import BLUR, SHUT_OUT, blurred, score
 from o3dleaf.leaf.margin.edge.least_distance import excess_beside, least_distance
 from o3dleaf.leaf.margin.margin import Margin
-from tolerances import AREA_OF_THINNED, THINNED_BLADE, THINNED_EXCESS, THINNED_OFFSET
+from tolerances import AREA_OF_THINNED, LEAST_DISTANCE, THINNED_BLADE, THINNED_EXCESS, THINNED_OFFSET
 
 RATIOS = {0.552: 1.97, 0.685: 4.26, 0.762: 13.8}
 """Points thinned to so many spacings of what is left, and how many there were for each of these."""
+DEEP = 3.0
+"""Spacings from an edge within which points are more than the density."""
 
 
 def apart(points, distance, boxsize=None):
@@ -39,18 +41,18 @@ def strip(request):
 
     Periodic along the edges, and all in spacings of the density in the middle between them.
     """
-    share, length, width, deep = request.param, 6000.0, 12.0, 3.0
+    share, length, width = request.param, 6000.0, 12.0
     rng = np.random.default_rng(0)
     points = rng.uniform(0, (width, length), (round(RATIOS[share] * length * width), 2))
     across = points[apart(points, share, boxsize=(4 * width, length)), 0]
-    spacing = np.sqrt(length * (width - 2 * deep) / np.count_nonzero(np.abs(across - width / 2) < width / 2 - deep))
+    spacing = np.sqrt(length * (width - 2 * DEEP) / np.count_nonzero(np.abs(across - width / 2) < width / 2 - DEEP))
     depths = np.concatenate([across, width - across]) / spacing
-    return depths[depths < 3.0], 2 * length / spacing, share / spacing
+    return depths[depths < DEEP], 2 * length / spacing, share / spacing
 
 
 def test_there_are_as_many_points_more_beside_an_edge_as_the_law_says(strip):
     depths, length, share = strip
-    assert abs(len(depths) / length - 3.0 - excess_beside(share)) < THINNED_EXCESS, THINNED_OFFSET
+    assert abs(len(depths) / length - DEEP - excess_beside(share)) < THINNED_EXCESS
 
 
 def test_they_move_the_edge_out_by_as_much_as_their_scores(strip):
@@ -87,7 +89,7 @@ def test_a_distance_is_least_where_neighbors_are_no_nearer(scale):
     points = scale * thinned(leaf, 1000, 0.685, rng)
     found = least_distance(points)
     assert found >= cKDTree(points).query(points, k=2)[0][:, 1].min()
-    assert abs(found / (scale * 0.685 * np.sqrt(leaf.area / 1000)) - 1) < 0.01
+    assert abs(found / (scale * 0.685 * np.sqrt(leaf.area / 1000)) - 1) < LEAST_DISTANCE
     for sampler in (leaves.uniform, leaves.jittered, leaves.graded):
         assert least_distance(sampler(leaf, 1000, rng)) == 0.0
     assert least_distance(points[np.argsort(np.linalg.norm(points, axis=1))[:99]]) == 0.0
