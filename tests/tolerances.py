@@ -1068,6 +1068,10 @@ quarter of all is nearly half here and there; 0.24 with a corner twice as wide."
 BESIDE_RUFFLES = 0.1
 """Spacings that points lie off the ruffles, root mean square: found 0.049; with the corner that planes tell 0.43."""
 
+TANGLED_AREA = 0.05
+"""Of a sheet whose chart was tangled, and that was triangulated anew: found 4e-4 to 2e-3 with knots inside, 0.034 with
+one at the margin, where the outline runs to and fro."""
+
 ELSEWHERE_THAN_A_FOLD = 1e-3
 """Spacings that a surface moves by two balls from a fold around which it is smoothed more: found 7e-6, by the chart,
 whose rest is found to rounding; smoothed more all over 0.04."""

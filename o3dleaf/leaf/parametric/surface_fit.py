@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
+import shapely
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
@@ -54,6 +55,8 @@ of it is, no fold is what is wrong."""
 COARSER = 1.4
 """Side in spacings of the triangles on which a finished surface is relaxed: half as many vertices as points. Through
 these the surface is the same to a few thousandths of a spacing, as its smoothing leaves nothing finer."""
+PINCH = 0.25
+"""Half width in spacings up to which parts of a sheet that is triangulated anew hang together by nothing."""
 SAME = 0.25
 """Spacings that a surface may move by where its chart is relaxed. Found 0.04 to 0.12; where two stretches of a margin
 come to lie side by side, as in a crumpled leaf, it has no room to go from one to the other: 0.3 to 2."""
@@ -91,7 +94,7 @@ def fit_chart_surface(
     with choosing:
         problem = problem.choose(base, near, heights, smoothing)
     with fitting:
-        settled, notes = _without_folds(problem, mesh, near)
+        settled, notes = _without_folds(problem, _without_tangles(mesh, base, problem.spacing), near)
     mesh = settled.mesh
     feet, heights, _ = settled.surface.feet(points, mesh.parameters(points))
     return SurfaceFit(settled.surface, mesh, points, feet, heights, settled.problem, settled.near, notes)
@@ -243,11 +246,8 @@ def _said(first: _Settled, best: _Settled, *, left: bool) -> str:
 
 def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> tuple[ChartMesh, FloatArray]:
     """Return the sheet laid onto the surface, its chart relaxed there, and the parameters (n, 2) in that chart."""
-    before = untangle(mesh.chart, mesh.triangles)
-    start = mesh.chart if before is None else before
-    laid = replace(mesh, vertices=surface.jet(start, 0)[0], chart=start)
-    chart = _relaxed_as_it_is(laid) if before is None else _relaxed(laid)
-    relaxed = replace(laid, chart=_turned_onto(chart, mesh.chart))
+    laid = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
+    relaxed = replace(laid, chart=_turned_onto(_relaxed(laid), mesh.chart))
     return relaxed, relaxed.parameters(surface.jet(near, 0)[0])
 
 
@@ -267,29 +267,30 @@ def _relaxed(mesh: ChartMesh) -> FloatArray:
     return relax_in_one_layer(mesh.vertices, mesh.triangles, mesh.chart, rim_first(rings), RELEASES_AGAIN)
 
 
-def _relaxed_as_it_is(mesh: ChartMesh) -> FloatArray:
-    """Return the chart (n, 2) of a rough sheet relaxed, tangled in places as it is: no way is without flips there."""
-    single, of_vertex = _without_doubles(mesh)
-    rigid = relax_rigidly(single.vertices, single.triangles, single.chart)
-    chart = untangle(rigid, single.triangles)
-    return (rigid if chart is None else chart)[of_vertex]
+def _without_tangles(mesh: ChartMesh, base: ChartSurface, spacing: float) -> ChartMesh:
+    """Return a sheet whose chart is one to one around each place: some vertices moved, or all of it triangulated anew.
 
+    Where a sheet is rough, vertices may be carried to one place of the chart, or past each other. On a tangled mesh a
+    chart is not relaxed, but crumpled, and the surface with it.
 
-def _without_doubles(mesh: ChartMesh) -> tuple[ChartMesh, IntArray]:
-    """Return a mesh with one vertex at each place of its chart, and which of them (n,) each vertex is.
-
-    Vertices of a rough sheet that lie behind one corner of the mesh that was laid flat are carried there both.
+    Parameters
+    ----------
+    mesh : ChartMesh
+    base : ChartSurface
+        Near the sheet, in its chart: a mesh that is triangulated anew lies on it.
+    spacing : float
+        Of the points that are fitted.
     """
-    _, first, of_vertex = np.unique(mesh.chart, axis=0, return_index=True, return_inverse=True)
-    if len(first) == len(mesh.chart):
-        return mesh, np.arange(len(first))
-    order = np.argsort(first, kind="stable")
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    of_vertex = rank[of_vertex.ravel()]
-    triangles = of_vertex[mesh.triangles]
-    triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
-    return ChartMesh(mesh.vertices[first[order]], triangles, mesh.chart[first[order]]), of_vertex
+    chart = untangle(mesh.chart, mesh.triangles)
+    if chart is not None:
+        return replace(mesh, chart=chart)
+    rings = rim_first(require_sheet(mesh.vertices, mesh.triangles))
+    outline, *holes = (shapely.make_valid(shapely.Polygon(mesh.chart[ring])) for ring in rings)
+    # Opened by a fraction of a spacing: where the outline is tangled, it may meet itself in single points.
+    area = outline.difference(shapely.union_all(holes)).buffer(-PINCH * spacing).buffer(PINCH * spacing)
+    whole = max(shapely.get_parts(area), key=shapely.area)
+    plane, triangles = triangulate(whole, COARSER * spacing)
+    return ChartMesh(base.jet(plane, 0)[0], triangles, plane)
 
 
 def _turned_onto(chart: FloatArray, other: FloatArray) -> FloatArray:

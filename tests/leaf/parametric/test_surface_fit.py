@@ -14,6 +14,7 @@ from o3dleaf.leaf.chart.flatten import lay_flat
 from o3dleaf.leaf.chart.flattening.one_layer import lies_over_itself
 from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
+from o3dleaf.leaf.chart.flattening.untangle import untangle
 from o3dleaf.leaf.parametric import fitted, surface_fit
 from o3dleaf.leaf.parametric.fitted import ChartMesh
 from o3dleaf.leaf.parametric.local_smoothing import choose_by_place
@@ -216,21 +217,31 @@ def test_a_fit_without_folds_is_not_smoothed_more_nor_one_by_a_number(fit):
     assert fit_chart_surface(points, strip(), smoothing=0.05).notes == ()
 
 
-@pytest.mark.parametrize("beyond_repair", [False, True])
-def test_vertices_at_one_place_of_a_chart_are_put_apart_where_that_can_be(scan, monkeypatch, beyond_repair):
+def test_vertices_at_one_place_of_a_chart_are_put_apart(scan):
     """A vertex of a rough sheet is carried to where another one is; the triangles between have no area."""
     mesh = strip()
     one, other, _ = mesh.triangles[len(mesh.triangles) // 2]
     chart = mesh.chart.copy()
     chart[other] = chart[one]
-    if beyond_repair:
-        monkeypatch.setattr(surface_fit, "untangle", lambda chart, triangles: None)
-    found = fit_chart_surface(scan[1], replace(mesh, chart=chart)).mesh.chart
-    assert np.isfinite(found).all()
-    if beyond_repair:
-        assert (found[other] == found[one]).all()
-    else:
-        assert (chart_areas(found, mesh.triangles) > 0).all()
+    found = fit_chart_surface(scan[1], replace(mesh, chart=chart)).mesh
+    assert (found.triangles == mesh.triangles).all()
+    assert (chart_areas(found.chart, found.triangles) > 0).all()
+
+
+@pytest.mark.parametrize("knot", ["one place", "past each other", "at the margin"])
+def test_a_sheet_whose_chart_is_tangled_beyond_repair_is_triangulated_anew(scan, knot):
+    """Vertices of a rough sheet are carried there all to one place, or past each other: no chart relaxes from that."""
+    mesh = strip()
+    middle, reach = ([LENGTH / 2, HALF_WIDTH], 2.5) if knot == "at the margin" else ([LENGTH / 2, 0.0], 1.6)
+    near = np.flatnonzero(np.linalg.norm(mesh.chart - middle, axis=1) < reach)
+    chart = mesh.chart.copy()
+    chart[near] = middle if knot == "one place" else chart[np.random.default_rng(3).permutation(near)]
+    assert untangle(chart, mesh.triangles) is None
+    fit = fit_chart_surface(scan[1], replace(mesh, chart=chart))
+    assert (chart_areas(fit.mesh.chart, fit.mesh.triangles) > 0).all()
+    assert fit.mesh.area == pytest.approx(mesh.area, rel=tol.TANGLED_AREA)
+    assert fit.notes == ()
+    assert np.sqrt(np.mean(off_cylinder(fit) ** 2)) < NOISE
 
 
 def test_smoothing_is_raised_only_around_a_fold(scan, monkeypatch):
