@@ -47,8 +47,11 @@ FOLDED = 1 / np.pi
 shows. A crease is a bend less tight than that, and stays."""
 STIFFER = 4.0
 """Factor of the smoothing from one fit to the next where the surface is folded: the bandwidth's is its fifth root."""
-MAX_RAISES = 4
-"""Fits with more smoothing at most, around folds and then all over: the bandwidth is then three times as wide."""
+MAX_RAISES = 8
+"""Fits with more smoothing at most: the bandwidth is then nine times as wide where folds stay."""
+WIDER = 2**0.25
+"""Factor of the distance around folds up to which it is raised, from one fit to the next: a ball's radius at first, at
+last three."""
 MAX_STRETCHED = 0.5
 """Share of a folded surface that may be stretched below a half or above twice, for more smoothing to be tried: if most
 of it is, no fold is what is wrong."""
@@ -210,9 +213,10 @@ def _settle(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -> _Sett
 def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -> tuple[_Settled, tuple[str, ...]]:
     """Return the surface with as little more smoothing as leaves no fold between points of the scan, and a note.
 
-    It is raised around the folds, and only if some are left all over. Each fit begins at the first sheet, not at a
-    folded one. A smoothing that was asked for by its number is kept. If folds stay, it is the surface of the least
-    tight ones. Of what is stretched for the most part none is tried: see `MAX_STRETCHED`.
+    It is raised around the folds, and again around those that stay: all over it would take the leaf's waves with it.
+    Each fit begins at the first sheet, not at a folded one. A smoothing that was asked for by its number is kept. If
+    folds stay, it is the surface of the least tight ones. Of what is stretched for the most part none is tried: see
+    `MAX_STRETCHED`.
     """
     first = best = settled = _settle(problem, mesh, near)
     if not len(first.folds.radii) or problem.choice is None:
@@ -220,16 +224,15 @@ def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -
     laid = first.mesh
     require_low_distortion(laid.vertices, laid.triangles, laid.chart, MAX_STRETCHED, STEPPED, mesh.vertices)
     ball = float(np.median(first.surface.cover.radii))
-    for reach in (ball, np.inf):
-        nearness = np.zeros(len(near))
-        for raises in range(1, MAX_RAISES + 1):
-            nearness = np.maximum(nearness, settled.nearness(settled.folds.places, near, reach))
-            settled = _settle(problem.stiffened(STIFFER ** (raises * nearness)), mesh, near)
-            if settled.folds.tightest > best.folds.tightest:
-                best = settled
-            if not len(settled.folds.radii):
-                return best, (_said(first, best, left=False),)
-    return best, (_said(first, best, left=True),)
+    raised = np.zeros(len(near))
+    for raises in range(MAX_RAISES):
+        raised += settled.nearness(settled.folds.places, near, ball * WIDER**raises)
+        settled = _settle(problem.stiffened(STIFFER**raised), mesh, near)
+        if settled.folds.tightest > best.folds.tightest:
+            best = settled
+        if not len(settled.folds.radii):
+            break
+    return best, (_said(first, best, left=bool(len(best.folds.radii))),)
 
 
 def _said(first: _Settled, best: _Settled, *, left: bool) -> str:

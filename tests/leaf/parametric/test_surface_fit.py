@@ -244,8 +244,11 @@ def test_a_sheet_whose_chart_is_tangled_beyond_repair_is_triangulated_anew(scan,
     assert np.sqrt(np.mean(off_cylinder(fit) ** 2)) < NOISE
 
 
-def test_smoothing_is_raised_only_around_a_fold(scan, monkeypatch):
-    """Elsewhere the fit is as it was; raised all over, it is another one."""
+def rough_scan(scan, monkeypatch):
+    """Return the points of a scan that is rough near one end, and where (n,): smoothing is chosen far too little there.
+
+    All folds lie in it.
+    """
     plane, points = scan
     rough = np.hypot(plane[:, 0] - 3, plane[:, 1]) < 2
     points = points + np.where(rough[:, np.newaxis], np.random.default_rng(7).normal(0, 0.1, points.shape), 0)
@@ -255,12 +258,18 @@ def test_smoothing_is_raised_only_around_a_fold(scan, monkeypatch):
         return replace(choice, factors=np.where(rough, 1000.0, 1.0))
 
     monkeypatch.setattr(fitted, "choose_by_place", too_little_there)
+    return points, rough
+
+
+def test_smoothing_is_raised_only_around_a_fold(scan, monkeypatch):
+    """Elsewhere the fit is as it was; raised all over, it is another one."""
+    points, rough = rough_scan(scan, monkeypatch)
     fit = fit_chart_surface(points, strip())
     spacing = fit.problem.spacing
     assert not len(tight_bends_on_sheet(fit.surface, fit.mesh, fit.near, spacing, surface_fit.FOLDED).radii)
     assert fit.notes
     assert "left" not in fit.notes[0]
-    beyond = plane[:, 0] > 5 + 2 * np.median(fit.surface.cover.radii)
+    beyond = scan[0][:, 0] > 5 + 2 * np.median(fit.surface.cover.radii)
     factors = fit.problem.choice.factors
     assert (factors[beyond] == 1.0).all()
     assert factors[rough].min() < 1000.0
@@ -269,3 +278,14 @@ def test_smoothing_is_raised_only_around_a_fold(scan, monkeypatch):
     assert "left" in folded.notes[0]
     moved = np.abs(fit.heights - folded.heights)[beyond]
     assert moved.max() < tol.ELSEWHERE_THAN_A_FOLD * spacing
+
+
+def test_smoothing_is_raised_around_a_fold_that_stays_and_not_all_over(scan, monkeypatch):
+    points, rough = rough_scan(scan, monkeypatch)
+    monkeypatch.setattr(surface_fit, "STIFFER", 1.2)
+    fit = fit_chart_surface(points, strip())
+    assert "left" not in fit.notes[0]
+    raises = -np.log(fit.problem.choice.factors / np.where(rough, 1000.0, 1.0)) / np.log(1.2)
+    far = scan[0][:, 0] > LENGTH - 3
+    assert raises[rough].max() > 4
+    assert raises[far].max() < raises[rough].max() / 10
