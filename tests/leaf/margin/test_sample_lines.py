@@ -7,6 +7,7 @@ from o3dleaf.leaf.margin.edge.lines_variance import lines_variance
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.margin.sample_lines import sample_lines
 from o3dleaf.leaf.margin.sample_region import cover_sample
+from o3dleaf.leaf.margin.sample_spacing import SampleNeighbors
 from tolerances import (
     CELLS_COVERED,
     CELLS_OF_LAST_LINE,
@@ -27,7 +28,7 @@ def bent(points):
 
 
 def spaced(points, spacing):
-    return sample_lines(points, np.full(len(points), spacing))
+    return sample_lines(SampleNeighbors.of(points), np.full(len(points), spacing))
 
 
 @pytest.mark.parametrize("ratio", [3, 6])

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import shapely
-from scipy.spatial import cKDTree
 
 import planar_leaves as leaves
 from o3dleaf.leaf.margin.sample_region import cover_sample
@@ -13,7 +12,6 @@ from o3dleaf.leaf.margin.sample_spacing import (
     cells_of,
     is_uneven,
     local_shape,
-    neighbors_of,
     spacing_between,
 )
 from o3dleaf.leaf.margin.sample_triangles import triangulate
@@ -43,7 +41,8 @@ def test_beside_a_gap_a_random_sample_has_no_direction():
     points = rng.uniform(0, SIDE, (round(SIDE**2), 2))
     points = points[np.abs(points[:, 0] - SIDE / 2) > 2 * FAR]
     beside = np.abs(np.abs(points[:, 0] - SIDE / 2) - 2 * FAR) < 1
-    metric = local_shape(points, triangulate(points).triangles)[beside]
+    mesh = triangulate(points)
+    metric = local_shape(mesh.near, mesh.triangles)[beside]
     assert np.abs(metric.mean(axis=0) - [1.0, 0.0, 1.0]).max() < 0.15
 
 
@@ -94,10 +93,7 @@ def test_a_bay_where_the_density_jumps_is_no_gap_of_the_sparser_side(factor, rad
 def test_triangles_of_a_sample_of_one_density_are_judged_by_their_corners():
     points = leaves.uniform(leaves.ellipse(), 3000, np.random.default_rng(0))
     mesh, spacing = triangulate(points), np.random.default_rng(1).uniform(0.9, 1.1, len(points))
-    assert (
-        spacing_between(neighbors_of(points, cKDTree(points)), mesh.triangles, spacing, JUMP)
-        == spacing[mesh.triangles].mean(axis=1)
-    ).all()
+    assert (spacing_between(mesh.near.row, mesh.triangles, spacing, JUMP) == spacing[mesh.triangles].mean(axis=1)).all()
 
 
 @pytest.mark.parametrize("ratio", [2, 4])
