@@ -9,6 +9,9 @@ from o3dleaf.leaf.margin.sample_region import cover_sample
 from o3dleaf.leaf.margin.sample_spacing import (
     FAR,
     JUMP,
+    NEIGHBORS,
+    SampleNeighbors,
+    cell_sizes,
     cells_of,
     is_uneven,
     local_shape,
@@ -88,6 +91,18 @@ def test_a_bay_where_the_density_jumps_is_no_gap_of_the_sparser_side(factor, rad
         area = covered(cover_sample(uneven(leaf, factor, leaves.uniform, np.random.default_rng(seed))))
         shares.append(area.intersection(bay).area / bay.intersection(leaves.ellipse()).area)
     assert np.mean(shares) < BAY_COVERED
+
+
+@pytest.mark.parametrize("share", [0.02, 0.5, 0.98])
+def test_a_point_is_as_far_from_others_as_the_deep_points_nearest_to_it(share):
+    """Whether those nearest to it are all deep, so that they are known, some, or there are no 32 of them."""
+    rng = np.random.default_rng(3)
+    points, cells = rng.uniform(0, 20, (400, 2)), rng.uniform(0.5, 1.5, 400)
+    deep = points[:, 0] < 20 * share
+    away = np.linalg.norm(points[:, np.newaxis] - points[deep], axis=2)
+    square = cells[deep][np.argsort(away, axis=1)[:, :NEIGHBORS]].mean(axis=1)
+    expected = np.sqrt(square * cells[deep].sum() / square[deep].sum())
+    assert cell_sizes(SampleNeighbors.of(points), cells, deep) == pytest.approx(expected, rel=1e-12)
 
 
 def test_triangles_of_a_sample_of_one_density_are_judged_by_their_corners():
