@@ -38,7 +38,9 @@ def lines_variance(points: FloatArray, polygon: shapely.Polygon) -> float:
     Matérn, B. (1989): Precision of area estimation: a numerical study. J. Microsc. 153, 269-284.
     """
     points = np.unique(points, axis=0)
-    spacing = np.sqrt(polygon.area / max(len(points), 1))
+    if not len(points):
+        return 0.0
+    spacing = np.sqrt(polygon.area / len(points))
     lines = sample_lines(SampleNeighbors.of(points), np.full(len(points), spacing))
     if lines is None or not lines.inside(_deep(points, polygon, spacing)):
         return 0.0
