@@ -57,7 +57,7 @@ def test_a_lattice_of_triangles_has_no_lines(stretch, noise):
         assert spaced(points + rng.normal(0, noise, points.shape), 2.3) is None
 
 
-@pytest.mark.parametrize("ratio", [4, 6, 9, 12])
+@pytest.mark.parametrize("ratio", [4, *(pytest.param(ratio, marks=pytest.mark.slow) for ratio in (6, 9)), 12])
 @pytest.mark.parametrize("noise", [0.0, 0.2])
 @pytest.mark.parametrize("bend", [lambda points: points, bent], ids=["straight", "bent"])
 def test_the_area_of_lines_is_that_of_their_cells(ratio, noise, bend):
