@@ -72,7 +72,7 @@ def lobed(lobes, depth, spacing=1.2):
 
 
 @pytest.mark.parametrize("lobes", [4, 5, 7])
-@pytest.mark.parametrize("depth", [pytest.param(0.18, marks=pytest.mark.slow), 0.3])
+@pytest.mark.parametrize("depth", [0.18, 0.3])
 def test_lobes_no_longer_than_wide_are_those_of_one_leaf(lobes, depth):
     assert not told(lobed(lobes, depth))
 

@@ -79,7 +79,7 @@ def test_leaves_that_nothing_tells_apart_are_said_to_be_such():
     assert len(sheet.leftovers.pieces) == 1
 
 
-@pytest.mark.parametrize("noise", [0.0, pytest.param(0.2, marks=pytest.mark.slow), 0.5])
+@pytest.mark.parametrize("noise", [0.0, 0.2, 0.5])
 @pytest.mark.parametrize("kind", ["curled", "layers", "eaten"])
 def test_a_single_leaf_is_one(kind, noise):
     leaf = o3l.samples.leaf_shape(kind)
