@@ -66,7 +66,7 @@ def all_around(level, box, step):
     return lattice.positions(crossings), triangles
 
 
-@pytest.mark.parametrize(("kind", "size"), [(fins, 0.15), (gap, 0.1), (fold, 0.1), (bumps, 0.03)])
+@pytest.mark.parametrize(("kind", "size"), [(fins, 0.15), (gap, 0.15), (fold, 0.15), (bumps, 0.045)])
 def test_values_far_from_the_surface_change_nothing(kind, size, monkeypatch):
     asked = []
 

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.trees import query
-from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray, axes_to
+from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray, SampleNeighbors, axes_to
 
 ALONG = {4: 1.1, 8: 1.0, 16: 1.0}
 """Neighbors of a point that may all be of its own line: half of them to either side, where lines are farther apart than
@@ -82,16 +82,15 @@ class SampleLines:
         return np.where(self.clear[near], np.minimum(ends**2, 1.0), 1.0)
 
 
-def sample_lines(points: FloatArray, spacing: FloatArray) -> SampleLines | None:
-    """Return the lines of (n, 2) distinct points of some `spacing` (n,); None if they are no sample of lines.
+def sample_lines(neighbors: SampleNeighbors, spacing: FloatArray) -> SampleLines | None:
+    """Return the lines of points by their `neighbors` and `spacing` (n,); None if they are no sample of lines.
 
     The direction at a point is the mean of those to the nearest neighbors of each of the points around it, as axes, of
     twice the angle. Of k neighbors on a line the last is k/2 steps away. Of `ALONG` those are taken that agree best.
     """
+    points, tree, away, around = neighbors
     if len(points) <= NEIGHBORS:
         return None
-    tree = cKDTree(points)
-    away, around = query(tree, points, k=NEIGHBORS)
     axis = axes_to(around[:, 1:], points)
     near = [away[:, 1:] <= far * away[:, [count]] for count, far in ALONG.items()]
     means = [((axis * each).sum(axis=1) / each.sum(axis=1))[around].mean(axis=1) for each in near]

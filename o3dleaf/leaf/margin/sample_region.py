@@ -23,7 +23,6 @@ from o3dleaf.leaf.margin.sample_spacing import (
     crude_spacing,
     is_uneven,
     local_shape,
-    neighbors_of,
     spacing_between,
     uneven_sizes,
 )
@@ -112,21 +111,20 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         If they lie on one line.
     """
     mesh = triangulate(points)
-    near = neighbors_of(points, cKDTree(points))
-    found = _spaced(mesh, near)
-    lines = sample_lines(points, found.spacing)
+    found = _spaced(mesh)
+    lines = sample_lines(mesh.near, found.spacing)
     lines = lines if lines is not None and lines.inside(found.deep) else None
     if lines is not None:  # of few lines deep inside no density is known; bays look as what lies between lines does
-        mesh = measured_by(mesh, local_shape(points, mesh.triangles, mesh.areas))
-        found = _spaced(mesh, near)
+        mesh = measured_by(mesh, local_shape(mesh.near, mesh.triangles, mesh.areas))
+        found = _spaced(mesh)
         lines = lines.spaced(found.spacing)
     else:
         if found.deep.mean() < NARROW and is_uneven(points[found.deep], found.cells[found.deep]):
             for _ in range(ROUNDS):
-                found = _of_uneven(mesh, near, found)
-        found = _beside_bays(mesh, near, found)
+                found = _of_uneven(mesh, found)
+        found = _beside_bays(mesh, found)
     spacing, short, deep = found.spacing, found.short, found.deep
-    size = spacing_between(near, mesh.triangles, spacing, JUMP)
+    size = spacing_between(mesh.near.row, mesh.triangles, spacing, JUMP)
     covered = _covered(mesh, spacing, size, short)
     bays = _bays(mesh, covered, size, found) if lines is None else np.zeros_like(covered)
     covered &= ~bays
@@ -171,49 +169,48 @@ class _Spaced(NamedTuple):
     bays: BoolArray
 
 
-def _spaced(mesh: Triangulation, near: IntArray) -> _Spaced:
+def _spaced(mesh: Triangulation) -> _Spaced:
     """Return how a sample is spaced, as one that is even: by its deep points."""
-    spacing, short, jump = crude_spacing(mesh.points, cKDTree(mesh.points)), FIRST_SHORT, CRUDE_JUMP
+    spacing, short, jump = crude_spacing(mesh.near), FIRST_SHORT, CRUDE_JUMP
     for _ in range(3):  # the crude spacing is too long at margins; the third pass changes it by less than a hundredth
-        kept, cells, deep = _cells(mesh, near, spacing, short, jump)
-        spacing, jump = cell_sizes(mesh.points, cells, deep), JUMP
+        kept, cells, deep = _cells(mesh, spacing, short, jump)
+        spacing, jump = cell_sizes(mesh.near, cells, deep), JUMP
         short = _short(mesh, kept, deep, spacing)
     return _Spaced(kept, cells, deep, spacing, short, np.zeros_like(kept))
 
 
-def _beside_bays(mesh: Triangulation, near: IntArray, found: _Spaced) -> _Spaced:
+def _beside_bays(mesh: Triangulation, found: _Spaced) -> _Spaced:
     """Return how a sample is spaced without its narrow bays: where they were covered, cells were too large."""
     for _ in range(ROUNDS):
-        size = spacing_between(near, mesh.triangles, found.spacing, JUMP)
+        size = spacing_between(mesh.near.row, mesh.triangles, found.spacing, JUMP)
         bays = _bays(mesh, _covered(mesh, found.spacing, size, found.short), size, found)
         if not np.any(bays & ~found.bays):
             break
-        kept, cells, deep = _cells(mesh, near, found.spacing, found.short, JUMP, bays)
-        spacing = cell_sizes(mesh.points, cells, deep)
+        kept, cells, deep = _cells(mesh, found.spacing, found.short, JUMP, bays)
+        spacing = cell_sizes(mesh.near, cells, deep)
         found = _Spaced(kept, cells, deep, spacing, _short(mesh, kept, deep, spacing), bays)
     return found
 
 
-def _of_uneven(mesh: Triangulation, near: IntArray, found: _Spaced) -> _Spaced:
+def _of_uneven(mesh: Triangulation, found: _Spaced) -> _Spaced:
     """Return how a sample is spaced, by all points, those at its border as what of them is not beyond it."""
     kept, cells, deep, spacing, short, bays = found
     longest = np.full(len(spacing), LONG * short)
     missing = missing_area(mesh, kept, spacing, _randomness(mesh, kept, deep, spacing), longest)
     spacing = uneven_sizes(mesh.points, cells, 1 - missing / spacing**2, spacing)
     short = _short(mesh, kept, deep, spacing)
-    return _Spaced(*_cells(mesh, near, spacing, short, JUMP), spacing, short, bays)
+    return _Spaced(*_cells(mesh, spacing, short, JUMP), spacing, short, bays)
 
 
 def _cells(
     mesh: Triangulation,
-    near: IntArray,
     spacing: FloatArray,
     short: float,
     jump: float,
     bays: BoolArray | None = None,
 ) -> tuple[BoolArray, FloatArray, BoolArray]:
     """Return the triangles (m,) that are covered, the cells (n,) that these make, and the points deep in them (n,)."""
-    kept = _covered(mesh, spacing, spacing_between(near, mesh.triangles, spacing, jump), short)
+    kept = _covered(mesh, spacing, spacing_between(mesh.near.row, mesh.triangles, spacing, jump), short)
     kept = kept if bays is None else kept & ~bays
     return kept, cells_of(mesh.points, mesh.triangles[kept], mesh.areas[kept]), _deep(mesh, kept, spacing)
 

@@ -1,5 +1,7 @@
 """How a planar sample is spaced, place by place: the area that a point stands for, and the shape of that area."""
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
@@ -40,6 +42,24 @@ STEPS, LARGEST, CONVERGED = 30, 1.0, 1e-6
 which it ends."""
 
 
+class SampleNeighbors(NamedTuple):
+    """The `NEIGHBORS` nearest of all points of a planar sample, searched once for all that asks for them.
+
+    The points (n, 2) and their tree; the distance (n, k) and the row (n, k) of the nearest of each, itself first.
+    """
+
+    points: FloatArray
+    tree: cKDTree
+    distance: FloatArray
+    row: IntArray
+
+    @classmethod
+    def of(cls, points: FloatArray) -> "SampleNeighbors":
+        """Return those of distinct points (n, 2), of fewer than `NEIGHBORS` all."""
+        tree = cKDTree(points)
+        return cls(points, tree, *query(tree, points, k=np.arange(1, min(NEIGHBORS, len(points)) + 1)))
+
+
 def edges_of(triangles: IntArray) -> IntArray:
     """Return the (e, 2) edges of triangles, each once, the smaller index first."""
     sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
@@ -48,35 +68,32 @@ def edges_of(triangles: IntArray) -> IntArray:
     return np.stack(np.divmod(np.unique(sides[:, 0].astype(np.int64) * count + sides[:, 1]), count), axis=1)
 
 
-def crude_spacing(points: FloatArray, tree: cKDTree) -> FloatArray:
-    """Return √(πr²/k) of the (n, 2) points, r the distance of the k-th neighbor: up to √2 too long at a margin."""
-    count = min(NEIGHBORS // 2, len(points) - 1)
-    reach = query(tree, points, k=[count + 1])[0][:, 0]
-    spacing: FloatArray = reach * np.sqrt(np.pi / count)
+def crude_spacing(near: SampleNeighbors) -> FloatArray:
+    """Return √(πr²/k) of the points (n,), r the distance of the k-th neighbor: up to √2 too long at a margin."""
+    count = min(NEIGHBORS // 2, len(near.points) - 1)
+    spacing: FloatArray = near.distance[:, count] * np.sqrt(np.pi / count)
     return spacing
 
 
-def local_shape(points: FloatArray, triangles: IntArray, areas: FloatArray | None = None) -> FloatArray:
+def local_shape(near: SampleNeighbors, triangles: IntArray, areas: FloatArray | None = None) -> FloatArray:
     """Return for each point the metric (n, 3), as xx, xy, yy of a matrix of determinant 1, without direction.
 
     Scan lines are closer along than across; in their own metric they are as near as any neighbors. It is the inverse
     of the mean of e eᵀ over the Delaunay edges e about the point; each counts once, or with the `areas` (m,) of its
     triangles.
     """
-    tree = cKDTree(points)
-    spacing = crude_spacing(points, tree)
+    points, around, spacing = near.points, near.row, crude_spacing(near)
     if areas is None:
         edges, weight = edges_of(triangles), np.ones(1)
     else:
         edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
         weight = np.tile(areas, 3)
     vectors = points[edges[:, 1]] - points[edges[:, 0]]
-    around = query(tree, points, k=min(NEIGHBORS, len(points)))[1]
     usual = np.median(_usual_sides(points, triangles)[around], axis=1)
-    near = np.hypot(*vectors.T) <= np.maximum(FAR * spacing, FAR_SIDE * usual)[edges].min(axis=1)
+    short = np.hypot(*vectors.T) <= np.maximum(FAR * spacing, FAR_SIDE * usual)[edges].min(axis=1)
     products = np.stack([vectors[:, 0] ** 2, vectors[:, 0] * vectors[:, 1], vectors[:, 1] ** 2], axis=1)
     products *= weight[:, np.newaxis]
-    ends, products = edges[near].ravel(), np.repeat(products[near], 2, axis=0)
+    ends, products = edges[short].ravel(), np.repeat(products[short], 2, axis=0)
     sums = np.stack([np.bincount(ends, column, len(points)) for column in products.T], axis=1)
     xx, xy, yy = sums[around].sum(axis=1).T
     determinant = xx * yy - xy**2
@@ -101,7 +118,7 @@ def cells_of(points: FloatArray, triangles: IntArray, areas: FloatArray) -> Floa
     return cells
 
 
-def cell_sizes(points: FloatArray, cells: FloatArray, deep: BoolArray) -> FloatArray:
+def cell_sizes(near: SampleNeighbors, cells: FloatArray, deep: BoolArray) -> FloatArray:
     """Return for each point the square root (n,) of the area that a point stands for there.
 
     Cells are averaged over the deep points next to it, whose cells no border has cut, and all scaled so that they
@@ -109,13 +126,17 @@ def cell_sizes(points: FloatArray, cells: FloatArray, deep: BoolArray) -> FloatA
 
     Parameters
     ----------
-    points : (n, 2) ndarray
+    near : SampleNeighbors
+        Of n points.
     cells : (n,) ndarray
     deep : (n,) bool ndarray
     """
     inner = np.flatnonzero(deep)
-    near = query(cKDTree(points[inner]), points, k=min(NEIGHBORS, len(inner)))[1].reshape(len(points), -1)
-    square = cells[inner][near].mean(axis=1)
+    beside = ~deep[near.row].all(axis=1)  # those nearest to others are all deep
+    deepest = near.row[:, : len(inner)].copy()
+    count = np.arange(1, deepest.shape[1] + 1)
+    deepest[beside] = inner[query(cKDTree(near.points[inner]), near.points[beside], k=count)[1]]
+    square = cells[deepest].mean(axis=1)
     size: FloatArray = np.sqrt(square * (cells[inner].sum() / square[inner].sum()))
     return size
 
@@ -186,12 +207,6 @@ def _terms(places: FloatArray, degree: int) -> FloatArray:
     return np.stack([along[:, i] * across[:, j] for i in range(degree + 1) for j in range(degree + 1 - i)], axis=1)
 
 
-def neighbors_of(points: FloatArray, tree: cKDTree) -> IntArray:
-    """Return the rows (n, k) of the nearest points of each, itself among them."""
-    near: IntArray = query(tree, points, k=min(NEIGHBORS, len(points)))[1]
-    return near.reshape(len(points), -1)
-
-
 def handed_on(near: IntArray, spacing: FloatArray) -> FloatArray:
     """Return for each point (n,) the widest spacing of the points that it is `near` (n, k) to."""
     widest = spacing.copy()
@@ -199,32 +214,30 @@ def handed_on(near: IntArray, spacing: FloatArray) -> FloatArray:
     return widest
 
 
-def even_points(points: FloatArray) -> IntArray:
+def even_points(near: SampleNeighbors) -> IntArray:
     """Return the rows (e,) of points that are left where those beside a jump in density are as far apart as beyond it.
 
     The nearest neighbors of a dense row along a margin, as a mesh's vertices are, are all of the row: what is beside it
     is not seen, and what lies across a bay is as near as any. Where no density jumps all points are left.
     """
-    tree = cKDTree(points)
-    spacing = crude_spacing(points, tree)
-    widest = handed_on(neighbors_of(points, tree), spacing)
+    points, spacing = near.points, crude_spacing(near)
+    widest = handed_on(near.row, spacing)
     dense = widest > JUMP * spacing  # along one row density falls by less in some places than in others
-    in_row = _in_rows(points, tree)
+    in_row = _in_rows(near)
     if in_row[~dense].mean() > MAX_ROWS:
         in_row[:] = False  # lines, of which some are denser than others
     if (dense & ((widest > CRUDE_JUMP * spacing) | in_row)).mean() < MIN_SHARE:
         return np.arange(len(points))
     kept = ~dense
     for row in np.flatnonzero(dense):
-        around = np.asarray(tree.query_ball_point(points[row], widest[row]), dtype=np.int64)
+        around = np.asarray(near.tree.query_ball_point(points[row], widest[row]), dtype=np.int64)
         kept[row] = not kept[around].any()
     return np.flatnonzero(kept)
 
 
-def _in_rows(points: FloatArray, tree: cKDTree) -> BoolArray:
-    """Return which of the points (n, 2) lie in a row with their nearest neighbors."""
-    near = query(tree, points, k=min(BESIDE + 1, len(points)))[1][:, 1:]
-    return np.asarray(np.abs(axes_to(near, points).mean(axis=1)) > IN_ROW)
+def _in_rows(near: SampleNeighbors) -> BoolArray:
+    """Return which of the points (n,) lie in a row with their nearest neighbors."""
+    return np.asarray(np.abs(axes_to(near.row[:, 1 : BESIDE + 1], near.points).mean(axis=1)) > IN_ROW)
 
 
 def axes_to(near: IntArray, points: FloatArray) -> npt.NDArray[np.complex128]:
@@ -241,7 +254,7 @@ def spacing_between(near: IntArray, triangles: IntArray, spacing: FloatArray, ju
     nearly all dense, and an average over them says that it is, too, up to some three of its spacings from the jump:
     the triangles of sparse points there passed for gaps. So each point hands its spacing on to all its neighbors, and a
     triangle is as sparse as the sparsest that any of its corners was handed, if that is `jump` times the densest. Of
-    each point `near` (n, k) are its `neighbors_of`.
+    each point `near` (n, k) are the rows of its neighbors.
     """
     widest = handed_on(near, spacing)
     own, handed = spacing[triangles], widest[triangles].max(axis=1)

@@ -9,7 +9,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.trees import query
 from o3dleaf.fitting.rbf.tail import IntArray
-from o3dleaf.leaf.margin.sample_spacing import BoolArray, even_points, local_shape
+from o3dleaf.leaf.margin.sample_spacing import BoolArray, SampleNeighbors, even_points, local_shape
 from o3dleaf.surface.mesh.topology import label_nodes
 
 BESIDE = 0.5
@@ -22,7 +22,8 @@ class Triangulation:
 
     Attributes
     ----------
-    points : (n, 2) ndarray
+    near : SampleNeighbors
+        Of the points.
     triangles : (m, 3) int ndarray
         Counter-clockwise.
     neighbors : (m, 3) int ndarray
@@ -34,12 +35,17 @@ class Triangulation:
         Longest side of each in that metric: a length.
     """
 
-    points: FloatArray
+    near: SampleNeighbors
     triangles: IntArray
     neighbors: IntArray
     areas: FloatArray
     metric: FloatArray
     reach: FloatArray
+
+    @property
+    def points(self) -> FloatArray:
+        """The sample, (n, 2)."""
+        return self.near.points
 
 
 def triangulate(points: FloatArray) -> Triangulation:
@@ -54,15 +60,15 @@ def triangulate(points: FloatArray) -> Triangulation:
         delaunay = Delaunay(points)
     except QhullError as cause:
         raise InputError("points: lie on one line; give points that cover an area") from cause
-    triangles = delaunay.simplices.astype(np.int64)
+    near, triangles = SampleNeighbors.of(points), delaunay.simplices.astype(np.int64)
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
     twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    metric = _metric(points, triangles)
+    metric = _metric(near, triangles)
     reach = longest_sides((a, b, c), metric[triangles].mean(axis=1))
     clockwise = (twice < 0)[:, None]
     triangles = np.where(clockwise, triangles[:, [0, 2, 1]], triangles)
     neighbors = np.where(clockwise, delaunay.neighbors[:, [0, 2, 1]], delaunay.neighbors).astype(np.int64)
-    return Triangulation(points, triangles, neighbors, np.abs(twice) / 2, metric, reach)
+    return Triangulation(near, triangles, neighbors, np.abs(twice) / 2, metric, reach)
 
 
 def measured_by(mesh: Triangulation, metric: FloatArray) -> Triangulation:
@@ -71,13 +77,14 @@ def measured_by(mesh: Triangulation, metric: FloatArray) -> Triangulation:
     return replace(mesh, reach=side_lengths(mesh).max(axis=1))
 
 
-def _metric(points: FloatArray, triangles: IntArray) -> FloatArray:
+def _metric(near: SampleNeighbors, triangles: IntArray) -> FloatArray:
     """Return the metric (n, 3) at each point: that of the nearest of `even_points`."""
-    even = even_points(points)
-    if len(even) == len(points):
-        return local_shape(points, triangles)
-    metric = local_shape(points[even], Delaunay(points[even]).simplices.astype(np.int64))
-    return np.asarray(metric[cKDTree(points[even]).query(points)[1]])
+    even = even_points(near)
+    if len(even) == len(near.points):
+        return local_shape(near, triangles)
+    sparse = SampleNeighbors.of(near.points[even])
+    metric = local_shape(sparse, Delaunay(sparse.points).simplices.astype(np.int64))
+    return np.asarray(metric[sparse.tree.query(near.points)[1]])
 
 
 def longest_sides(corners: tuple[FloatArray, FloatArray, FloatArray], metric: FloatArray) -> FloatArray:

@@ -65,7 +65,7 @@ def local_half_width(leaf, along):
     return np.array([np.ptp(np.quantile(each, (0.02, 0.98))) / 2 for each in near])
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.02, 0.05])
+@pytest.mark.parametrize("noise", [0.0, pytest.param(0.02, marks=pytest.mark.slow), 0.05])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_axis_of_an_elongated_leaf_is_found_within_half_its_local_width(shape, noise):
     points, axis, half = elongated(**SHAPES[shape], noise=noise)

@@ -7,6 +7,7 @@ from o3dleaf.leaf.margin.edge.lines_variance import lines_variance
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.margin.sample_lines import sample_lines
 from o3dleaf.leaf.margin.sample_region import cover_sample
+from o3dleaf.leaf.margin.sample_spacing import SampleNeighbors
 from tolerances import (
     CELLS_COVERED,
     CELLS_OF_LAST_LINE,
@@ -27,7 +28,7 @@ def bent(points):
 
 
 def spaced(points, spacing):
-    return sample_lines(points, np.full(len(points), spacing))
+    return sample_lines(SampleNeighbors.of(points), np.full(len(points), spacing))
 
 
 @pytest.mark.parametrize("ratio", [3, 6])
@@ -56,7 +57,7 @@ def test_a_lattice_of_triangles_has_no_lines(stretch, noise):
         assert spaced(points + rng.normal(0, noise, points.shape), 2.3) is None
 
 
-@pytest.mark.parametrize("ratio", [4, 6, 9, 12])
+@pytest.mark.parametrize("ratio", [4, *(pytest.param(ratio, marks=pytest.mark.slow) for ratio in (6, 9)), 12])
 @pytest.mark.parametrize("noise", [0.0, 0.2])
 @pytest.mark.parametrize("bend", [lambda points: points, bent], ids=["straight", "bent"])
 def test_the_area_of_lines_is_that_of_their_cells(ratio, noise, bend):

@@ -3,17 +3,18 @@
 import numpy as np
 import pytest
 import shapely
-from scipy.spatial import cKDTree
 
 import planar_leaves as leaves
 from o3dleaf.leaf.margin.sample_region import cover_sample
 from o3dleaf.leaf.margin.sample_spacing import (
     FAR,
     JUMP,
+    NEIGHBORS,
+    SampleNeighbors,
+    cell_sizes,
     cells_of,
     is_uneven,
     local_shape,
-    neighbors_of,
     spacing_between,
 )
 from o3dleaf.leaf.margin.sample_triangles import triangulate
@@ -43,7 +44,8 @@ def test_beside_a_gap_a_random_sample_has_no_direction():
     points = rng.uniform(0, SIDE, (round(SIDE**2), 2))
     points = points[np.abs(points[:, 0] - SIDE / 2) > 2 * FAR]
     beside = np.abs(np.abs(points[:, 0] - SIDE / 2) - 2 * FAR) < 1
-    metric = local_shape(points, triangulate(points).triangles)[beside]
+    mesh = triangulate(points)
+    metric = local_shape(mesh.near, mesh.triangles)[beside]
     assert np.abs(metric.mean(axis=0) - [1.0, 0.0, 1.0]).max() < 0.15
 
 
@@ -91,13 +93,22 @@ def test_a_bay_where_the_density_jumps_is_no_gap_of_the_sparser_side(factor, rad
     assert np.mean(shares) < BAY_COVERED
 
 
+@pytest.mark.parametrize("share", [0.02, 0.5, 0.98])
+def test_a_point_is_as_far_from_others_as_the_deep_points_nearest_to_it(share):
+    """Whether those nearest to it are all deep, so that they are known, some, or there are no 32 of them."""
+    rng = np.random.default_rng(3)
+    points, cells = rng.uniform(0, 20, (400, 2)), rng.uniform(0.5, 1.5, 400)
+    deep = points[:, 0] < 20 * share
+    away = np.linalg.norm(points[:, np.newaxis] - points[deep], axis=2)
+    square = cells[deep][np.argsort(away, axis=1)[:, :NEIGHBORS]].mean(axis=1)
+    expected = np.sqrt(square * cells[deep].sum() / square[deep].sum())
+    assert cell_sizes(SampleNeighbors.of(points), cells, deep) == pytest.approx(expected, rel=1e-12)
+
+
 def test_triangles_of_a_sample_of_one_density_are_judged_by_their_corners():
     points = leaves.uniform(leaves.ellipse(), 3000, np.random.default_rng(0))
     mesh, spacing = triangulate(points), np.random.default_rng(1).uniform(0.9, 1.1, len(points))
-    assert (
-        spacing_between(neighbors_of(points, cKDTree(points)), mesh.triangles, spacing, JUMP)
-        == spacing[mesh.triangles].mean(axis=1)
-    ).all()
+    assert (spacing_between(mesh.near.row, mesh.triangles, spacing, JUMP) == spacing[mesh.triangles].mean(axis=1)).all()
 
 
 @pytest.mark.parametrize("ratio", [2, 4])

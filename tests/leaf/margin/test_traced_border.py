@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 import pytest
 import shapely
@@ -11,6 +13,14 @@ from tolerances import TRACED_AREA
 SHAPES = {"ellipse": leaves.ellipse(), "lobed": leaves.lobed(), "eaten": leaves.eaten(6)}
 
 
+INSIDE, DENSE = (leaves.lattice, leaves.uniform, leaves.triangles), (1, 3, 7)
+# A Latin square has each pair of shape, density and inside once; the others hold the same by combinations of them.
+COMBINED = [
+    pytest.param(shape, dense, inside, marks=[pytest.mark.slow] * ((i + j + k) % 3 > 0))
+    for (i, shape), (j, dense), (k, inside) in product(*map(enumerate, (SHAPES, DENSE, INSIDE)))
+]
+
+
 def vertices(leaf, count, dense, inside=leaves.lattice):
     """A sample of the inside, and points along the margin, `dense` times as close as points inside."""
     spacing, rng = np.sqrt(leaf.area / count), np.random.default_rng(5)
@@ -20,9 +30,7 @@ def vertices(leaf, count, dense, inside=leaves.lattice):
     return np.unique(np.vstack([deep, shapely.get_coordinates(np.concatenate(rim))]), axis=0)
 
 
-@pytest.mark.parametrize("inside", [leaves.lattice, leaves.uniform, leaves.triangles])
-@pytest.mark.parametrize("dense", [1, 3, 7])
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(("shape", "dense", "inside"), COMBINED)
 def test_a_margin_that_vertices_trace_is_the_margin(shape, dense, inside):
     leaf = SHAPES[shape]
     margin = Margin.fit(vertices(leaf, 1500, dense, inside))

@@ -98,7 +98,7 @@ def test_a_leaf_rolled_until_its_margins_nearly_meet_is_cut_open_between_them():
 def test_the_two_sides_of_a_leaf_thicker_than_its_points_are_apart_are_one_surface_between_them(noise):
     """Without noise they lie exactly as far off it, many times what neighbors on one side differ by."""
     leaf = o3l.samples.leaf_shape("curled", length=40, width=16, angle=60)
-    scan = o3l.samples.scan_leaf(leaf, seed=0, spacing=0.5, noise=noise)
+    scan = o3l.samples.scan_leaf(leaf, seed=0, spacing=0.7, noise=noise)
     sides = np.random.default_rng(1).choice([-0.6, 0.6], len(scan.places))
     blade = o3l.create_blade(scan.points + sides[:, np.newaxis] * leaf.normals(scan.places), unit="mm")
     mesh = blade.extract_mesh(0.5)

@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,10 +12,19 @@ from PIL import Image
 from droplet_runs import cap, write_plate, write_run
 from o3dleaf.commands.droplet.run import DropletJob
 from o3dleaf.core.journal import Journal
+from o3dleaf.output.droplet import pictures
 from o3dleaf.output.droplet.page import figures_table
 from o3dleaf.output.droplet.pictures import PANEL, chosen_times
 from o3dleaf.output.droplet.results import DropletResults
 from o3dleaf.output.droplet.written import SETTINGS, find_cases
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _one_ray_a_pixel():
+    """Smooth edges are no part of what is asked here, and take most of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pictures, "LOOK", replace(pictures.LOOK, supersampling=1))
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -159,7 +159,7 @@ def test_it_is_a_field_whose_distance_is_true(leaf):
     rng = np.random.default_rng(5)
     places = places_of(leaf, 150)
     points = leaf.lift(places) + rng.normal(0, 0.7, (len(places), 3))
-    vertices, triangles = leaf.mesh(0.4)
+    vertices, triangles = leaf.mesh(0.7)
     brute = distance_to_mesh(vertices, triangles, points)
     sag = np.abs(distance_to_mesh(vertices, triangles, leaf.lift(places))).max()
     assert np.abs(leaf.half_thickness - leaf(points) - brute).max() < 2 * sag + 1e-4

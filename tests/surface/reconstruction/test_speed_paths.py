@@ -45,7 +45,7 @@ def bare(cloud):
 
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_steps_that_share_nothing_make_the_same_mesh(noise):
-    points, normals = torus(4000)
+    points, normals = torus(2500)
     points += noise * np.random.default_rng(0).normal(size=points.shape)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points[points[:, 0] < 0.5]))
     cloud.normals = o3d.utility.Vector3dVector(normals[points[:, 0] < 0.5])

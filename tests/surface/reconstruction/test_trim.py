@@ -52,7 +52,7 @@ def test_a_random_sheet_ends_at_its_data_and_has_no_hole(given, ratio):
 
 
 def test_a_hole_wider_than_the_ball_stays_open_and_a_narrower_one_is_closed():
-    cloud, spacing = flat(20_000)
+    cloud, spacing = flat(8_000)
     for radius, holes in ((2.5, 0), (6.0, 1)):
         left = np.linalg.norm(cloud, axis=1) > radius * spacing
         trimmed = trim_to_data(plane(spacing), OrientedCloud.of(cloud[left], spacing=spacing))

@@ -8,7 +8,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.margin.sample_lines import SampleLines, sample_lines
 from o3dleaf.leaf.margin.sample_region import DEEP
-from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray
+from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray, SampleNeighbors
 
 HARMONICS = 16
 """Of the error of a sum over lines, whose share falls with their square."""
@@ -38,8 +38,10 @@ def lines_variance(points: FloatArray, polygon: shapely.Polygon) -> float:
     Matérn, B. (1989): Precision of area estimation: a numerical study. J. Microsc. 153, 269-284.
     """
     points = np.unique(points, axis=0)
-    spacing = np.sqrt(polygon.area / max(len(points), 1))
-    lines = sample_lines(points, np.full(len(points), spacing))
+    if not len(points):
+        return 0.0
+    spacing = np.sqrt(polygon.area / len(points))
+    lines = sample_lines(SampleNeighbors.of(points), np.full(len(points), spacing))
     if lines is None or not lines.inside(_deep(points, polygon, spacing)):
         return 0.0
     rings = [shapely.get_coordinates(ring) for ring in shapely.get_parts(shapely.get_rings(polygon))]

@@ -28,6 +28,7 @@ def raised(volume, terms):
     return heights - (heights.max() + heights.min()) / 2
 
 
+@cache
 def bent(terms, seed=0, noise=0.0):
     """The sample as a scanner sees it where its blade bends, and the heights; nothing is resampled."""
     volume, truth = sample(seed)

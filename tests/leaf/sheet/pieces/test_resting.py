@@ -84,7 +84,7 @@ def test_leaves_that_nothing_tells_apart_are_said_to_be_such():
 def test_a_single_leaf_is_one(kind, noise):
     leaf = o3l.samples.leaf_shape(kind)
     for passes, offset in ((1, 0.0), (2, 2.0)):
-        points = o3l.samples.scan_leaf(leaf, spacing=1.2, noise=noise, passes=passes, offset=offset, seed=7).points
+        points = o3l.samples.scan_leaf(leaf, spacing=1.5, noise=noise, passes=passes, offset=offset, seed=7).points
         assert not told(find_sheet(points))
 
 
