@@ -26,14 +26,16 @@ GCV_BALLS = 32
 
 SHARED_POINTS, MIN_BALLS = 2400, 8
 """Where groups of points are left out together the sample has as many balls as contain so many points, and 8 at least:
-an eigen-decomposition takes the cube of a ball's points. Over 18 clouds of surfaces the value is a factor of 1.4 from
-that of 256 balls (median), once, on a flat curve, 66; a decade matters."""
+an eigen-decomposition takes the cube of a ball's points."""
 
 GROUP = 3
 """Rows of a point, on the surface and off its two sides, that balls that choose for themselves leave out together."""
 
 LESS, MORE = 3.0, 100.0
 """How far below and above the value that balls agree on one of them may choose."""
+
+SINGLE = 2.0**-24
+"""Rounding of single precision: errors of less than this share of the values' deviation are none, as of planes."""
 
 NOISY = 0.5
 """Share of a point's error that the pooled fit must leave beside the surface for balls to have a choice."""
@@ -116,6 +118,7 @@ class SharedErrors:
     def _pooled(self, sample: IntArray, decomposed: list[Any], trials: FloatArray) -> tuple[Smoothing, FloatArray]:
         """Return the smoothing of `trials` (m,) that a sample of balls agrees on, and the mean blocks.
 
+        Its score is the `geometric_mean` of the balls'.
         The blocks (g, m, g, g) are the mean s B_II of groups of 1, ..., g rows; of groups that no ball has, one.
         """
         system = dict(zip(sample.tolist(), decomposed, strict=True))
@@ -125,12 +128,14 @@ class SharedErrors:
             found: tuple[Any, ...] = fit_loops.ball_held_out_squares(*taken, trials * self._scale(ball), GROUP)
             return found
 
-        squares, weight, blocks, counts = (sum(part) for part in zip(*each_ball(squares_of, sample), strict=True))
+        squares, weights, blocks, counts = (np.array(part) for part in zip(*each_ball(squares_of, sample), strict=True))
+        weight, blocks, counts = weights.sum(), blocks.sum(axis=0), counts.sum(axis=0)
+        mean_squares = geometric_mean(squares, weights, float(SINGLE * np.std(self.data.values)) ** 2)
         mean = blocks / np.maximum(counts, 1)[:, np.newaxis, np.newaxis, np.newaxis]
         for size in range(GROUP):
             unknown = np.arange(GROUP) > (size if counts[size] else -1)
             mean[size][:, unknown, unknown] = 1.0
-        return self.model.smoothing.chosen_from(trials, squares, weight), mean
+        return self.model.smoothing.chosen_from(trials, weight * mean_squares, weight), mean
 
     def each(self, trials: SharedTrials) -> FloatArray:
         """Return each ball's own value; `fit_loops.fit_choosing_balls` chooses it on its way to the fit."""
@@ -179,6 +184,28 @@ class BallSmoothing(NamedTuple):
             trials = SharedErrors(cover, data, model, terms).agreed()[1]
             return cls(model.smoothing, np.empty(len(cover.radii)), trials)
         return cls(*choose_smoothing(cover, data, model, terms), None)
+
+
+def geometric_mean(squares: FloatArray, weights: FloatArray, rounding: float) -> FloatArray:
+    r"""Return the geometric mean over balls of their mean squared errors, for each trial value of the smoothing.
+
+    .. math:: \exp \frac{\sum_b w_b \log \max(e_b^2 / w_b,\, ε^2)}{\sum_b w_b}
+
+    It is least where the errors are most likely that have another variance in each ball, unknown as it is. Of the sum
+    of all squares a ball would choose for all whose points are missed by far, as at thin tips.
+
+    Parameters
+    ----------
+    squares : (b, m) ndarray
+        Sums of squared errors.
+    weights : (b,) ndarray
+        Number of the points that they are of, or the sum of their weights.
+    rounding : float
+        ε², the mean square below which errors are rounding, and all alike.
+    """
+    known = weights > 0
+    means = np.maximum(squares[known] / weights[known, np.newaxis], max(rounding, np.finfo(float).tiny))
+    return np.asarray(np.exp(weights[known] / weights.sum() @ np.log(means)))
 
 
 def _own_value(spectrum: Spectrum) -> float:

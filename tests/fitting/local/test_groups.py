@@ -11,10 +11,18 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.ball_loops import Balls
 from o3dleaf.fitting.local.fit_loops import WeightedValues, ball_held_out_squares, ball_shared_squares, decompose_ball
 from o3dleaf.fitting.local.fitter import ScatteredData
-from o3dleaf.fitting.local.smoothing_selection import SharedErrors
+from o3dleaf.fitting.local.smoothing_selection import SharedErrors, geometric_mean
 from o3dleaf.fitting.local.splines import Splines, fit_splines
 from o3dleaf.fitting.rbf.tail import tail_exponents
-from tolerances import CONJUGATE_GRADIENTS, GROUPS_REFIT, ONE_KRYLOV_SPACE, PART_OF_NOISE, SLOPE_OF_PLANE
+from tolerances import (
+    BALLS_OF_OUTLIERS,
+    CONJUGATE_GRADIENTS,
+    GROUPS_REFIT,
+    ONE_KRYLOV_SPACE,
+    PART_OF_NOISE,
+    ROUNDING,
+    SLOPE_OF_PLANE,
+)
 
 TRIALS = np.array([1e-3, 1e-1, 10.0])
 
@@ -313,3 +321,54 @@ def test_a_share_without_groups_or_of_several_columns_is_refused(values, groups)
     points = np.random.default_rng(0).uniform(size=(40, 3))
     with pytest.raises(InputError, match="share: is of the points of a group"):
         PUInterpolant.fit(points, values, groups=groups, share=0.5)
+
+
+@pytest.mark.parametrize("larger", [1e-3, 1.0, 1e6])
+def test_no_ball_chooses_for_all_by_how_far_it_errs(larger):
+    """Ball by ball, a factor on the errors is one on the mean, and moves no minimum."""
+    rng = np.random.default_rng(0)
+    squares, weights = rng.uniform(0.5, 2, (6, 20)), rng.uniform(50, 100, 6)
+    factors = np.append(larger, np.ones(5))
+    found = geometric_mean(factors[:, np.newaxis] * squares, weights, 0.0)
+    expected = larger ** (weights[0] / weights.sum()) * geometric_mean(squares, weights, 0.0)
+    np.testing.assert_allclose(found, expected, rtol=ROUNDING)
+
+
+def test_balls_whose_errors_are_rounding_have_no_say():
+    """As many planes as one likes, whose errors differ a millionfold by the order of sums alone."""
+    rng = np.random.default_rng(1)
+    one, planes = rng.uniform(0.5, 2, (1, 20)), 10.0 ** rng.uniform(-32, -26, (40, 20))
+    found = geometric_mean(np.concatenate([one, planes]), np.ones(41), 1e-20)
+    np.testing.assert_allclose(np.argsort(found), np.argsort(one[0]))
+    np.testing.assert_allclose(found, one[0] ** (1 / 41) * 1e-20 ** (40 / 41), rtol=ROUNDING)
+
+
+@pytest.mark.parametrize("corners", [1, 2, 3])
+def test_few_balls_of_outliers_do_not_choose_for_exact_data(corners):
+    """Elsewhere the fit is as good as without them."""
+    rng = np.random.default_rng(2)
+    points = rng.uniform(-1, 1, (2400, 2))
+    truth = np.sin(4 * points).sum(axis=1)
+    bad = [np.abs(points - 0.8 * np.array(corner)).max(axis=1) < 0.1 for corner in ((1, 1), (1, -1), (-1, 1))[:corners]]
+    outliers = np.where(np.any(bad, axis=0), rng.choice([-1.0, 1.0], 2400), 0.0)
+    away = np.abs(points).max(axis=1) < 0.4
+
+    def error(values):
+        options = {"kernel": "thin_plate_spline", "points_per_ball": (30, 60), "smoothing": "gcv"}
+        field = PUInterpolant.fit(points, values, groups=np.arange(2400), **options)
+        return np.sqrt(np.mean((field(points[away]) - truth[away]) ** 2))
+
+    assert error(truth + outliers) < BALLS_OF_OUTLIERS * error(truth)
+
+
+def test_rounding_of_planes_does_not_choose_for_what_bends():
+    """Values of a plane but in one corner: errors in the last digits of the plane change nothing."""
+    points = np.random.default_rng(3).uniform(-1, 1, (2400, 2))
+    plane, bent = points @ [0.3, 0.7], np.maximum(points.min(axis=1) - 0.5, 0.0)
+    rounding = 1e-12 * np.random.default_rng(4).standard_normal(2400)
+
+    def chosen(values):
+        options = {"kernel": "thin_plate_spline", "points_per_ball": (30, 60), "smoothing": "gcv"}
+        return PUInterpolant.fit(points, values, groups=np.arange(2400), **options).local.smoothing.value
+
+    assert chosen(plane + bent + rounding) == chosen(plane + bent)
