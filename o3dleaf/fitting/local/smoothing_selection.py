@@ -34,6 +34,9 @@ GROUP = 3
 LESS, MORE = 3.0, 100.0
 """How far below and above the value that balls agree on one of them may choose."""
 
+FREEDOM = 4.0
+"""Degrees of freedom of the Student's t by which balls' errors are judged, as Lange, Little & Taylor (1989) take them."""
+
 SINGLE = 2.0**-24
 """Rounding of single precision: errors of less than this share of the values' deviation are none, as of planes."""
 
@@ -118,7 +121,7 @@ class SharedErrors:
     def _pooled(self, sample: IntArray, decomposed: list[Any], trials: FloatArray) -> tuple[Smoothing, FloatArray]:
         """Return the smoothing of `trials` (m,) that a sample of balls agrees on, and the mean blocks.
 
-        Its score is the `geometric_mean` of the balls'.
+        Its score is the `robust_mean` of the balls'.
         The blocks (g, m, g, g) are the mean s B_II of groups of 1, ..., g rows; of groups that no ball has, one.
         """
         system = dict(zip(sample.tolist(), decomposed, strict=True))
@@ -130,7 +133,7 @@ class SharedErrors:
 
         squares, weights, blocks, counts = (np.array(part) for part in zip(*each_ball(squares_of, sample), strict=True))
         weight, blocks, counts = weights.sum(), blocks.sum(axis=0), counts.sum(axis=0)
-        mean_squares = geometric_mean(squares, weights, float(SINGLE * np.std(self.data.values)) ** 2)
+        mean_squares = robust_mean(squares, weights, float(SINGLE * np.std(self.data.values)) ** 2)
         mean = blocks / np.maximum(counts, 1)[:, np.newaxis, np.newaxis, np.newaxis]
         for size in range(GROUP):
             unknown = np.arange(GROUP) > (size if counts[size] else -1)
@@ -186,13 +189,13 @@ class BallSmoothing(NamedTuple):
         return cls(*choose_smoothing(cover, data, model, terms), None)
 
 
-def geometric_mean(squares: FloatArray, weights: FloatArray, rounding: float) -> FloatArray:
-    r"""Return the geometric mean over balls of their mean squared errors, for each trial value of the smoothing.
+def robust_mean(squares: FloatArray, weights: FloatArray, rounding: float) -> FloatArray:
+    r"""Return the mean over balls of their mean squared errors m_b, for each trial value of the smoothing.
 
-    .. math:: \exp \frac{\sum_b w_b \log \max(e_b^2 / w_b,\, ε^2)}{\sum_b w_b}
+    .. math:: f \Bigl(\exp \frac{\sum_b w_b \log (1 + m_b / f)}{\sum_b w_b} - 1\Bigr), \qquad f = ν\, \tilde m
 
-    It is least where the errors are most likely that have another variance in each ball, unknown as it is. Of the sum
-    of all squares a ball would choose for all whose points are missed by far, as at thin tips.
+    As the likelihood of Student's t with ν = 4 has it: the arithmetic mean of balls that err alike, while one whose
+    points are missed by far, as at a thin tip, counts by its logarithm, and does not choose for all.
 
     Parameters
     ----------
@@ -201,11 +204,18 @@ def geometric_mean(squares: FloatArray, weights: FloatArray, rounding: float) ->
     weights : (b,) ndarray
         Number of the points that they are of, or the sum of their weights.
     rounding : float
-        ε², the mean square below which errors are rounding, and all alike.
+        Mean square of errors that are rounding: the least that the median of the balls' least ones, m̃, may be.
+
+    References
+    ----------
+    Lange, Little & Taylor (1989), Journal of the American Statistical Association 84, 881-896.
     """
     known = weights > 0
-    means = np.maximum(squares[known] / weights[known, np.newaxis], max(rounding, np.finfo(float).tiny))
-    return np.asarray(np.exp(weights[known] / weights.sum() @ np.log(means)))
+    if not known.any():
+        return np.zeros(squares.shape[1])
+    means = squares[known] / weights[known, np.newaxis]
+    usual = FREEDOM * max(float(np.median(means.min(axis=1))), rounding, np.finfo(float).tiny)
+    return np.asarray(usual * np.expm1(weights[known] / weights.sum() @ np.log1p(means / usual)))
 
 
 def _own_value(spectrum: Spectrum) -> float:
