@@ -35,7 +35,7 @@ LESS, MORE = 3.0, 100.0
 """How far below and above the value that balls agree on one of them may choose."""
 
 FREEDOM = 4.0
-"""Degrees of freedom of the Student's t by which balls' errors are judged, as Lange, Little & Taylor (1989) take them."""
+"""Degrees of freedom of the Student's t that balls' errors are judged by, as in Lange, Little & Taylor (1989)."""
 
 SINGLE = 2.0**-24
 """Rounding of single precision: errors of less than this share of the values' deviation are none, as of planes."""
