@@ -26,14 +26,19 @@ GCV_BALLS = 32
 
 SHARED_POINTS, MIN_BALLS = 2400, 8
 """Where groups of points are left out together the sample has as many balls as contain so many points, and 8 at least:
-an eigen-decomposition takes the cube of a ball's points. Over 18 clouds of surfaces the value is a factor of 1.4 from
-that of 256 balls (median), once, on a flat curve, 66; a decade matters."""
+an eigen-decomposition takes the cube of a ball's points."""
 
 GROUP = 3
 """Rows of a point, on the surface and off its two sides, that balls that choose for themselves leave out together."""
 
 LESS, MORE = 3.0, 100.0
 """How far below and above the value that balls agree on one of them may choose."""
+
+FREEDOM = 4.0
+"""Degrees of freedom of the Student's t that balls' errors are judged by, as in Lange, Little & Taylor (1989)."""
+
+SINGLE = 2.0**-24
+"""Rounding of single precision: errors of less than this share of the values' deviation are none, as of planes."""
 
 NOISY = 0.5
 """Share of a point's error that the pooled fit must leave beside the surface for balls to have a choice."""
@@ -116,6 +121,7 @@ class SharedErrors:
     def _pooled(self, sample: IntArray, decomposed: list[Any], trials: FloatArray) -> tuple[Smoothing, FloatArray]:
         """Return the smoothing of `trials` (m,) that a sample of balls agrees on, and the mean blocks.
 
+        Its score is the `robust_mean` of the balls'.
         The blocks (g, m, g, g) are the mean s B_II of groups of 1, ..., g rows; of groups that no ball has, one.
         """
         system = dict(zip(sample.tolist(), decomposed, strict=True))
@@ -125,12 +131,14 @@ class SharedErrors:
             found: tuple[Any, ...] = fit_loops.ball_held_out_squares(*taken, trials * self._scale(ball), GROUP)
             return found
 
-        squares, weight, blocks, counts = (sum(part) for part in zip(*each_ball(squares_of, sample), strict=True))
+        squares, weights, blocks, counts = (np.array(part) for part in zip(*each_ball(squares_of, sample), strict=True))
+        weight, blocks, counts = weights.sum(), blocks.sum(axis=0), counts.sum(axis=0)
+        mean_squares = robust_mean(squares, weights, float(SINGLE * np.std(self.data.values)) ** 2)
         mean = blocks / np.maximum(counts, 1)[:, np.newaxis, np.newaxis, np.newaxis]
         for size in range(GROUP):
             unknown = np.arange(GROUP) > (size if counts[size] else -1)
             mean[size][:, unknown, unknown] = 1.0
-        return self.model.smoothing.chosen_from(trials, squares, weight), mean
+        return self.model.smoothing.chosen_from(trials, weight * mean_squares, weight), mean
 
     def each(self, trials: SharedTrials) -> FloatArray:
         """Return each ball's own value; `fit_loops.fit_choosing_balls` chooses it on its way to the fit."""
@@ -179,6 +187,35 @@ class BallSmoothing(NamedTuple):
             trials = SharedErrors(cover, data, model, terms).agreed()[1]
             return cls(model.smoothing, np.empty(len(cover.radii)), trials)
         return cls(*choose_smoothing(cover, data, model, terms), None)
+
+
+def robust_mean(squares: FloatArray, weights: FloatArray, rounding: float) -> FloatArray:
+    r"""Return the mean over balls of their mean squared errors m_b, for each trial value of the smoothing.
+
+    .. math:: f \Bigl(\exp \frac{\sum_b w_b \log (1 + m_b / f)}{\sum_b w_b} - 1\Bigr), \qquad f = ν\, \tilde m
+
+    As the likelihood of Student's t with ν = 4 has it: the arithmetic mean of balls that err alike, while one whose
+    points are missed by far, as at a thin tip, counts by its logarithm, and does not choose for all.
+
+    Parameters
+    ----------
+    squares : (b, m) ndarray
+        Sums of squared errors.
+    weights : (b,) ndarray
+        Number of the points that they are of, or the sum of their weights.
+    rounding : float
+        Mean square of errors that are rounding: the least that the median of the balls' least ones, m̃, may be.
+
+    References
+    ----------
+    Lange, Little & Taylor (1989), Journal of the American Statistical Association 84, 881-896.
+    """
+    known = weights > 0
+    if not known.any():
+        return np.zeros(squares.shape[1])
+    means = squares[known] / weights[known, np.newaxis]
+    usual = FREEDOM * max(float(np.median(means.min(axis=1))), rounding, np.finfo(float).tiny)
+    return np.asarray(usual * np.expm1(weights[known] / weights.sum() @ np.log1p(means / usual)))
 
 
 def _own_value(spectrum: Spectrum) -> float:

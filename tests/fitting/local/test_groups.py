@@ -11,10 +11,18 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.ball_loops import Balls
 from o3dleaf.fitting.local.fit_loops import WeightedValues, ball_held_out_squares, ball_shared_squares, decompose_ball
 from o3dleaf.fitting.local.fitter import ScatteredData
-from o3dleaf.fitting.local.smoothing_selection import SharedErrors
+from o3dleaf.fitting.local.smoothing_selection import SharedErrors, robust_mean
 from o3dleaf.fitting.local.splines import Splines, fit_splines
 from o3dleaf.fitting.rbf.tail import tail_exponents
-from tolerances import CONJUGATE_GRADIENTS, GROUPS_REFIT, ONE_KRYLOV_SPACE, PART_OF_NOISE, SLOPE_OF_PLANE
+from tolerances import (
+    BALLS_OF_OUTLIERS,
+    CONJUGATE_GRADIENTS,
+    GROUPS_REFIT,
+    ONE_KRYLOV_SPACE,
+    PART_OF_NOISE,
+    ROUNDING,
+    SLOPE_OF_PLANE,
+)
 
 TRIALS = np.array([1e-3, 1e-1, 10.0])
 
@@ -313,3 +321,58 @@ def test_a_share_without_groups_or_of_several_columns_is_refused(values, groups)
     points = np.random.default_rng(0).uniform(size=(40, 3))
     with pytest.raises(InputError, match="share: is of the points of a group"):
         PUInterpolant.fit(points, values, groups=groups, share=0.5)
+
+
+def test_balls_that_err_alike_agree_by_their_mean():
+    errors, weights = np.random.default_rng(0).uniform(0.5, 2, 20), np.random.default_rng(1).uniform(50, 100, 6)
+    found = robust_mean(weights[:, np.newaxis] * errors, weights, 0.0)
+    np.testing.assert_allclose(found, errors, rtol=ROUNDING)
+
+
+@pytest.mark.parametrize("larger", [1.0, 1e3, 1e9])
+def test_no_ball_chooses_for_all_by_how_far_it_errs(larger):
+    """However far, by which factor its errors differ counts to the power of its weight at most."""
+    means, weights = np.ones((6, 2)), np.random.default_rng(2).uniform(50, 100, 6)
+    means[0] = larger, 3 * larger
+    least, most = robust_mean(weights[:, np.newaxis] * means, weights, 0.0) + 4.0
+    assert 1 < most / least < 3 ** (weights[0] / weights.sum())
+
+
+def test_balls_whose_errors_are_rounding_have_no_say():
+    """As many planes as one likes, whose errors differ a millionfold by the order of sums alone."""
+    rng = np.random.default_rng(1)
+    one, planes = rng.uniform(0.5, 2, (1, 20)), 10.0 ** rng.uniform(-45, -39, (40, 20))
+    found = robust_mean(np.concatenate([one, planes]), np.ones(41), 1e-20)
+    np.testing.assert_allclose(found, robust_mean(np.concatenate([one, 0 * planes]), np.ones(41), 1e-20), rtol=ROUNDING)
+    np.testing.assert_array_equal(np.argsort(found), np.argsort(one[0]))
+
+
+@pytest.mark.parametrize("corners", [1, 2, 3])
+def test_few_balls_of_outliers_do_not_choose_for_exact_data(corners):
+    """Elsewhere it foretells the truth nearly as well as without them."""
+    rng = np.random.default_rng(2)
+    points = rng.uniform(-1, 1, (2400, 2))
+    truth = np.sin(4 * points).sum(axis=1)
+    bad = [np.abs(points - 0.8 * np.array(corner)).max(axis=1) < 0.1 for corner in ((1, 1), (1, -1), (-1, 1))[:corners]]
+    outliers = np.where(np.any(bad, axis=0), rng.choice([-1.0, 1.0], 2400), 0.0)
+    places = rng.uniform(-0.4, 0.4, (1000, 2))
+
+    def error(values):
+        options = {"kernel": "thin_plate_spline", "points_per_ball": (30, 60), "smoothing": "gcv"}
+        field = PUInterpolant.fit(points, values, groups=np.arange(2400), **options)
+        return np.sqrt(np.mean((field(places) - np.sin(4 * places).sum(axis=1)) ** 2))
+
+    assert error(truth + outliers) < BALLS_OF_OUTLIERS * error(truth)
+
+
+def test_rounding_of_planes_does_not_choose_for_what_bends():
+    """Values of a plane but in one corner: errors in the last digits of the plane change nothing."""
+    points = np.random.default_rng(3).uniform(-1, 1, (2400, 2))
+    plane, bent = points @ [0.3, 0.7], np.maximum(points.min(axis=1) - 0.5, 0.0)
+    rounding = 1e-12 * np.random.default_rng(4).standard_normal(2400)
+
+    def chosen(values):
+        options = {"kernel": "thin_plate_spline", "points_per_ball": (30, 60), "smoothing": "gcv"}
+        return PUInterpolant.fit(points, values, groups=np.arange(2400), **options).local.smoothing.value
+
+    assert chosen(plane + bent + rounding) == chosen(plane + bent)
