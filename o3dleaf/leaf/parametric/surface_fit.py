@@ -48,10 +48,13 @@ shows. A crease is a bend less tight than that, and stays."""
 STIFFER = 4.0
 """Factor of the smoothing from one fit to the next where the surface is folded: the bandwidth's is its fifth root."""
 MAX_RAISES = 8
-"""Fits with more smoothing at most: the bandwidth is then nine times as wide where folds stay."""
-WIDER = 2**0.25
+"""Fits with more smoothing at most."""
+MAX_RAISED = 3
+"""How often it is raised at one place at most: the bandwidth is then 2.3 times as wide. Where a fold stays, what lies
+around it must give way: more at that place alone stretches the chart there until holes open between the points."""
+WIDER = 2**0.5
 """Factor of the distance around folds up to which it is raised, from one fit to the next: a ball's radius at first, at
-last three."""
+last eleven."""
 MAX_STRETCHED = 0.5
 """Share of a folded surface that may be stretched below a half or above twice, for more smoothing to be tried: if most
 of it is, no fold is what is wrong."""
@@ -213,10 +216,10 @@ def _settle(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -> _Sett
 def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -> tuple[_Settled, tuple[str, ...]]:
     """Return the surface with as little more smoothing as leaves no fold between points of the scan, and a note.
 
-    It is raised around the folds, and again around those that stay: all over it would take the leaf's waves with it.
-    Each fit begins at the first sheet, not at a folded one. A smoothing that was asked for by its number is kept. If
-    folds stay, it is the surface of the least tight ones. Of what is stretched for the most part none is tried: see
-    `MAX_STRETCHED`.
+    It is raised around the folds, and again and farther around those that stay: all over it would take the leaf's waves
+    with it. Each fit begins at the first sheet, not at a folded one. A smoothing that was asked for by its number is
+    kept. If folds stay, it is the surface of the least tight ones. Of what is stretched for the most part none is
+    tried: see `MAX_STRETCHED`.
     """
     first = best = settled = _settle(problem, mesh, near)
     if not len(first.folds.radii) or problem.choice is None:
@@ -226,7 +229,8 @@ def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -
     ball = float(np.median(first.surface.cover.radii))
     raised = np.zeros(len(near))
     for raises in range(MAX_RAISES):
-        raised += settled.nearness(settled.folds.places, near, ball * WIDER**raises)
+        around = settled.nearness(settled.folds.places, near, ball * WIDER**raises)
+        raised = np.minimum(raised + around, MAX_RAISED)
         settled = _settle(problem.stiffened(STIFFER**raised), mesh, near)
         if settled.folds.tightest > best.folds.tightest:
             best = settled
