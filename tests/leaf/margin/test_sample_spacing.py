@@ -18,7 +18,7 @@ from o3dleaf.leaf.margin.sample_spacing import (
     spacing_between,
 )
 from o3dleaf.leaf.margin.sample_triangles import triangulate
-from tolerances import BAY_COVERED, JUMP_AREA, NARROW_AREA, UNEVEN_BY_CHANCE
+from tolerances import BAY_COVERED, JUMP_AREA, NARROW_AREA, ROUNDING, UNEVEN_BY_CHANCE
 
 SIDE = 40.0
 
@@ -102,7 +102,7 @@ def test_a_point_is_as_far_from_others_as_the_deep_points_nearest_to_it(share):
     away = np.linalg.norm(points[:, np.newaxis] - points[deep], axis=2)
     square = cells[deep][np.argsort(away, axis=1)[:, :NEIGHBORS]].mean(axis=1)
     expected = np.sqrt(square * cells[deep].sum() / square[deep].sum())
-    assert cell_sizes(SampleNeighbors.of(points), cells, deep) == pytest.approx(expected, rel=1e-12)
+    assert cell_sizes(SampleNeighbors.of(points), cells, deep) == pytest.approx(expected, rel=ROUNDING)
 
 
 def test_triangles_of_a_sample_of_one_density_are_judged_by_their_corners():
