@@ -230,12 +230,15 @@ def test_vertices_at_one_place_of_a_chart_are_put_apart(scan):
 
 @pytest.mark.parametrize("knot", ["one place", "past each other", "at the margin"])
 def test_a_sheet_whose_chart_is_tangled_beyond_repair_is_triangulated_anew(scan, knot):
-    """Vertices of a rough sheet are carried there all to one place, or past each other: no chart relaxes from that."""
+    """Vertices of a rough sheet are carried there all to one place, or past each other: no chart relaxes from that.
+
+    At the margin the outline then meets itself in single points.
+    """
     mesh = strip()
     middle, reach = ([LENGTH / 2, HALF_WIDTH], 2.5) if knot == "at the margin" else ([LENGTH / 2, 0.0], 1.6)
     near = np.flatnonzero(np.linalg.norm(mesh.chart - middle, axis=1) < reach)
     chart = mesh.chart.copy()
-    chart[near] = middle if knot == "one place" else chart[np.random.default_rng(3).permutation(near)]
+    chart[near] = middle if knot == "one place" else chart[np.random.default_rng(1).permutation(near)]
     assert untangle(chart, mesh.triangles) is None
     fit = fit_chart_surface(scan[1], replace(mesh, chart=chart))
     assert (chart_areas(fit.mesh.chart, fit.mesh.triangles) > 0).all()
@@ -282,9 +285,10 @@ def test_smoothing_is_raised_only_around_a_fold(scan, monkeypatch):
 
 def test_around_a_fold_that_stays_smoothing_is_raised_farther_and_not_for_ever(scan, monkeypatch):
     points, rough = rough_scan(scan, monkeypatch)
-    monkeypatch.setattr(surface_fit, "STIFFER", 1.2)
+    little = 1.2
+    monkeypatch.setattr(surface_fit, "STIFFER", little)
     fit = fit_chart_surface(points, strip())
-    raised = -np.log(fit.problem.choice.factors / np.where(rough, 1000.0, 1.0)) / np.log(1.2)
+    raised = -np.log(fit.problem.choice.factors / np.where(rough, 1000.0, 1.0)) / np.log(little)
     assert raised[rough].max() == pytest.approx(surface_fit.MAX_RAISED)
     beside, far = (raised[np.abs(scan[0][:, 0] - at) < 1].mean() for at in (7, LENGTH - 1))
     assert beside > 0.5
