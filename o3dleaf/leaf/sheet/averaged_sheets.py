@@ -16,7 +16,7 @@ from o3dleaf.leaf.sheet.layers.parting import other_layers
 from o3dleaf.leaf.sheet.layers.widths import LINK, MEETING, STEEP, Layers, find_layers, find_passes, noise_width, widen
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.pieces.leaf_pair import LeafPair
-from o3dleaf.leaf.sheet.pieces.resting import find_resting
+from o3dleaf.leaf.sheet.pieces.resting import Resting, find_resting
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import thinned
 from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
@@ -72,12 +72,13 @@ def average_to_sheets(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> A
     fewer = 1 if is_tube else int(np.ceil((thickness / (MEETING * spacing)) ** 2))
     if fewer > 1 and len(some) // fewer >= FEWEST:
         return average_to_sheets(scan, some[thinned(len(some), fewer)], one_sheet=one_sheet)
-    resting = None if sheets.is_closed else find_resting(cloud.points, cloud.noise, sheets, some)
-    if base == 0 and len(find_layers(sheets, is_tube=is_tube)[0]) >= FEWEST:
+    resting = Resting() if sheets.is_closed else find_resting(cloud.points, cloud.noise, sheets, some)
+    others = resting.fragment
+    if not len(others) and base == 0 and len(find_layers(sheets, is_tube=is_tube)[0]) >= FEWEST:
         others = other_layers(cloud.points, spacing, cloud.noise)
-        if len(others):
-            found = average_to_sheets(scan, np.delete(some, others), one_sheet=one_sheet)
-            return found._replace(others=np.append(some[others], found.others), resting=resting)
+    if len(others):
+        found = average_to_sheets(scan, np.delete(some, others), one_sheet=one_sheet)
+        return found._replace(others=np.append(some[others], found.others), resting=resting.pair or found.resting)
     for round_ in range(ROUNDS):
         after = layers.after(*find_layers(sheets, is_tube=is_tube), LINK * spacing)
         if after.like(layers):
@@ -86,7 +87,7 @@ def average_to_sheets(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> A
         width = widen(cloud.points, np.full(len(cloud), base), layers)
         sheets = OpenSheets.of(cloud.points, width, spacing)
         progress.report(round_ + 1, ROUNDS)
-    return AveragedSheets(_part_branches(cloud.points, width, sheets), width, base, some, resting=resting)
+    return AveragedSheets(_part_branches(cloud.points, width, sheets), width, base, some, resting=resting.pair)
 
 
 def _part_branches(points: FloatArray, width: FloatArray, sheets: OpenSheets) -> OpenSheets:

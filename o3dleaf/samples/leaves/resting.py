@@ -1,6 +1,6 @@
 """Two leaves of known shape of which one rests on the other, and a scan of both that says which points are whose."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
@@ -14,6 +14,7 @@ from o3dleaf.samples.leaves.sweep import Sweep
 MIDDLE, TIP = 0.5, 0.93
 """Of the upper leaf's length, the place that is laid onto the lower one."""
 GAPS, NOISES = (0.0, 0.5, 1.0, 2.0), (0.0, 0.2, 0.5)
+FRAGMENT_GAPS, FRAGMENT_NOISES = (0.0, 1.0, 2.0, 3.0), (0.0, 0.1, 0.25, 0.4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,4 +100,22 @@ def drawn_leaves(number: int, *, held_out: bool = False) -> RestingLeaves:
         ovals=(rng.random() < 0.5, rng.random() < 0.5),
         shift=(rng.uniform(-0.15, 0.15), rng.uniform(-0.15, 0.15)),
         seed=number + (500 if held_out else 0),
+    )
+
+
+def drawn_fragment(number: int, *, held_out: bool = False) -> RestingLeaves:
+    """Return a leaf and a fragment of another one on it, of 2 to 9 % of its area; views, gaps, noises in turn."""
+    rng = np.random.default_rng((9000 if held_out else 300) + number)
+    leaves = drawn_leaves(number, held_out=held_out)
+    length, width = leaves.lengths[0], leaves.widths[0]
+    slender = rng.uniform(1.2, 3.3)
+    broad = np.sqrt(rng.uniform(0.02, 0.09) * length * width / slender)
+    return replace(
+        leaves,
+        gap=FRAGMENT_GAPS[number // 4 % 4],
+        noise=FRAGMENT_NOISES[number // 16 % 4],
+        tilt=rng.uniform(5, 30),
+        lengths=(length, slender * broad),
+        widths=(width, broad),
+        shift=(rng.uniform(-0.35, 0.35), rng.uniform(-0.35, 0.35)),
     )

@@ -7,6 +7,7 @@
 `tube_ends`       boundary loops that are ends of a tube
 `blades`          blades that leave a tube, as a sheath
 `resting`         leaves of which one lies on another
+`fragment`        fragments of other sheets that lie on a leaf
 `arms`            the four arms of leaves that cross, by the rim of both
 `crossing`        leaves that cross, parted
 `leaf_pair`       two leaves of one sheet, and what is said of them

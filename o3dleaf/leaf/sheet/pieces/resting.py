@@ -12,6 +12,7 @@ from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.sheet.layers.widths import CLEAN, MEETING, MOSTLY, OFF, STEEP, WIDEST
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
+from o3dleaf.leaf.sheet.pieces.fragment import is_fragment
 from o3dleaf.leaf.sheet.pieces.leaf_pair import LeafPair
 from o3dleaf.leaf.sheet.pieces.minimum_cut import Links, minimum_cut
 from o3dleaf.leaf.sheet.pieces.nearer_surface import tell_by_surface
@@ -31,6 +32,13 @@ SIDES = 0.9
 """Share of the points that lie over or under others from which on these may be the two sides of one leaf."""
 MIN_SHARE = 0.1
 """Share of the points of both that a leaf has at least, as in `find_necks`."""
+
+
+class Resting(NamedTuple):
+    """What rests on a leaf: another one, or a fragment of one, too small for a leaf, by the rows (k,) of its points."""
+
+    pair: LeafPair | None = None
+    fragment: IntArray = np.empty(0, np.int64)
 
 
 class _TwoLeaves(NamedTuple):
@@ -57,8 +65,8 @@ class _TwoLeaves(NamedTuple):
         return self.lesser < MIN_SHARE * int(np.count_nonzero(self.above | self.below))
 
 
-def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: IntArray) -> LeafPair | None:
-    """Return the points of two leaves that lie on one another, one of them with the largest sheet, or None.
+def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: IntArray) -> Resting:
+    """Return the points of two leaves that lie on one another, one of them with the largest sheet, or of a fragment.
 
     A point that lies over another one, along the normal and facing its way, is of the upper leaf, and that one of the
     lower: a margin that runs over a face, or two faces. All others go with those that they are linked to along their
@@ -78,7 +86,7 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
     normals, spacing = _facing(sheets), sheets.spacing
     upper, lower, heights = _one_over_another(sheets.points, normals, REACH * spacing, OFF * spacing)
     if min(upper.sum(), lower.sum()) < FEWEST or np.mean(heights > WIDEST * spacing) < RISING:
-        return None
+        return Resting()
     links = Links.of(sheets.points, normals, spacing)
     parted = _TwoLeaves(*minimum_cut(links, upper, lower))
     if parted.length > 0 and not (parted.is_narrow and parted.is_shred):
@@ -91,8 +99,12 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
             parted = min(parted, again, key=lambda each: (each.is_shred, each.length))
     side = parted.above.astype(np.int64) - parted.below
     piece = links.kept(side[links.one] == side[links.other]).groups(len(side))
-    if side[np.argmax(np.bincount(piece)[piece])] == 0 or parted.is_shred:
-        return None
+    if side[np.argmax(np.bincount(piece)[piece])] == 0:
+        return Resting()
+    if parted.is_shred:
+        lesser = min(parted.above, parted.below, key=np.count_nonzero)
+        of_other = is_fragment(sheets.points, normals, links, lesser, upper | lower, spacing)
+        return Resting(fragment=np.flatnonzero(lesser)) if of_other else Resting()
     share = float((upper | lower).mean())
     at = tell_middle(points[upper | lower], points)
     said = f"two leaves, or parts of one, lie on one another around {at}, {100 * share:.3g} % of the points"
@@ -103,12 +115,12 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
             f"until its points are {tell_length(apart / MEETING)} apart)"
         )
     if not parted.is_narrow:
-        return LeafPair((), said, parted.length)
+        return Resting(LeafPair((), said, parted.length))
     if parted.length > 0:
         said += f", and touch along at least {tell_length(parted.length * spacing)}"
     if parted.unsure:
         said += f" ({100 * parted.unsure / len(points):.3g} % of the points within the noise of both)"
-    return LeafPair((rows[parted.above], rows[parted.below]), said, parted.length)
+    return Resting(LeafPair((rows[parted.above], rows[parted.below]), said, parted.length))
 
 
 def _facing(sheets: OpenSheets) -> FloatArray:
