@@ -103,7 +103,7 @@ def find_resting(points: FloatArray, noise: float, sheets: OpenSheets, rows: Int
         return Resting()
     if parted.is_shred:
         lesser = min(parted.above, parted.below, key=np.count_nonzero)
-        of_other = is_fragment(sheets.points, normals, links, lesser, upper | lower, spacing)
+        of_other = is_fragment(points, noise, links, lesser, upper | lower, spacing)
         return Resting(fragment=np.flatnonzero(lesser)) if of_other else Resting()
     share = float((upper | lower).mean())
     at = tell_middle(points[upper | lower], points)

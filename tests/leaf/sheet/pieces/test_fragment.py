@@ -16,38 +16,44 @@ from tolerances import RESTING_WRONG
 LENGTH, WIDTH = 40, 24
 
 
-def leaf_and_part(seam, begin=0.0):
-    """A plane on a square lattice and a strip that rises from it by 20°, off a line across it, and which is the strip.
+def leaf_and_part(seam, begin=0.0, hole=None):
+    """A plane and a strip that rises from it by 20°, off a line across it, on square lattices, and which is the strip.
 
-    The strip begins half a lattice's cell beside its points, or farther off.
+    The strip begins half a lattice's cell beside the line, or farther off; the plane may have a hole (4,) in it.
     """
     leaf = np.stack(np.meshgrid(np.arange(LENGTH + 1.0), np.arange(WIDTH + 1.0)), axis=-1).reshape(-1, 2)
+    if hole is not None:
+        leaf = leaf[~((leaf > hole[:2]) & (leaf < hole[2:])).all(axis=1)]
     strip = np.stack(np.meshgrid(np.arange(0.5, 11) + begin, np.arange(6.5, 18)), axis=-1).reshape(-1, 2)
     slope = np.radians(20.0)
     rises = np.column_stack([seam + strip[:, 0] * np.cos(slope), strip[:, 1], strip[:, 0] * np.sin(slope)])
     points = np.concatenate([np.column_stack([leaf, 0 * leaf[:, 0]]), rises])
     part = np.arange(len(points)) >= len(leaf)
     normals = np.where(part[:, np.newaxis], [-np.sin(slope), 0, np.cos(slope)], [0.0, 0.0, 1.0])
-    return points, normals, part
+    return points, Links.of(points, normals, 1.0), part
 
 
 @pytest.mark.parametrize(("seam", "is_other"), [(15, True), (LENGTH, False)], ids=["inside", "end"])
-def test_a_part_is_a_fragment_where_the_leaf_goes_on_beyond_its_seam(seam, is_other):
-    points, normals, part = leaf_and_part(seam)
-    assert is_fragment(points, normals, Links.of(points, normals, 1.0), part, part, 1.0) is is_other
+def test_a_part_is_a_fragment_where_the_leaf_goes_on_at_its_seam(seam, is_other):
+    points, links, part = leaf_and_part(seam)
+    assert is_fragment(points, 0.0, links, part, part, 1.0) is is_other
 
 
 @pytest.mark.parametrize(("share", "is_other"), [(0.45, False), (0.55, True)])
 def test_a_fragment_lies_over_the_leaf_for_the_most_part(share, is_other):
-    points, normals, part = leaf_and_part(15)
+    points, links, part = leaf_and_part(15)
     layered = part & (np.cumsum(part) <= share * part.sum())
-    assert is_fragment(points, normals, Links.of(points, normals, 1.0), part, layered, 1.0) is is_other
+    assert is_fragment(points, 0.0, links, part, layered, 1.0) is is_other
+
+
+def test_or_it_hides_the_leaf():
+    points, links, part = leaf_and_part(15, hole=(15, 5, 26, 19))
+    assert is_fragment(points, 0.0, links, part, np.zeros(len(part), bool), 1.0)
 
 
 def test_what_hangs_on_nothing_is_a_fragment():
-    points, normals, part = leaf_and_part(LENGTH, begin=3.0)
-    none = np.zeros(len(part), bool)
-    assert is_fragment(points, normals, Links.of(points, normals, 1.0), part, none, 1.0)
+    points, links, part = leaf_and_part(LENGTH, begin=3.0)
+    assert is_fragment(points, 0.0, links, part, np.zeros(len(part), bool), 1.0)
 
 
 @pytest.mark.parametrize("number", [43, 46], ids=["joined", "apart"])
