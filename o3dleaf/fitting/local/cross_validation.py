@@ -44,16 +44,20 @@ def held_out_errors(cover: Cover, data: ScatteredData, model: SplineModel) -> Fl
         return errors
 
     with single_threaded_blas():
-        errors_of_balls = each_ball(errors_of, np.arange(len(cover.radii)))
-    total, blended = np.zeros(len(points)), np.zeros((values.values.shape[1], len(points)))
-    for ball, errors in enumerate(errors_of_balls):
-        known = ~np.isnan(errors[0])
-        rows = cover.members[cover.offsets[ball] : cover.offsets[ball + 1]][known]
-        weight = _wendland(np.linalg.norm(points[rows] - cover.centers[ball], axis=1) / cover.radii[ball])
-        total[rows] += weight
-        blended[:, rows] += weight * errors[:, known]
+        errors = np.concatenate(each_ball(errors_of, np.arange(len(cover.radii))), axis=1)
+    known = ~np.isnan(errors[0])
+    rows, weight = cover.members[known], member_weights(cover, points)[known]
+    total = np.bincount(rows, weight, len(points))
+    blended = np.array([np.bincount(rows, weight * column[known], len(points)) for column in errors])
     means = np.where(total > 0, blended / np.where(total > 0, total, 1.0), np.nan)
     return means.T.reshape(data.values.shape)
+
+
+def member_weights(cover: Cover, points: FloatArray) -> FloatArray:
+    """Return the weights (total,) of the balls at the points that they are fitted to, which do not sum to 1."""
+    balls = np.repeat(np.arange(len(cover.radii)), cover.counts)
+    away = points[cover.members] - cover.centers[balls]
+    return _wendland(np.linalg.norm(away, axis=1) / cover.radii[balls])
 
 
 def _wendland(tau: FloatArray) -> FloatArray:

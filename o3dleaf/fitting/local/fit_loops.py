@@ -10,6 +10,7 @@ from o3dleaf.fitting.cover.ball_loops import rows_of
 from o3dleaf.fitting.rbf.radial_loops import put
 from o3dleaf.fitting.rbf.shared_error_loops import shared_squares, solve_chosen, solve_shared
 from o3dleaf.fitting.rbf.shared_noise_loops import shared_noise, smoothing_bias, whitened
+from o3dleaf.fitting.rbf.solve_loops import left_by, project
 from o3dleaf.fitting.rbf.spectrum_loops import decompose, held_out_squares, spectra
 from o3dleaf.fitting.rbf.tail import IntArray
 
@@ -104,6 +105,15 @@ def fit_balls(start, stop, data, balls, tail, power, smoothing, groups, share, f
         solved = solve_shared(local, values, exponents, power, diagonal, noise)
         solved[1][0] += smoothing_bias(solved[0], diagonal, groups[rows] == rows, noise)
         write_ball(ball, first, local, solved, fitted)
+
+
+@njit(nogil=True, cache=True)
+def ball_residuals(ball, data, balls, exponents, power, smoothing):
+    """Return f − F (n,) of one ball's fit at its own points; `smoothing` is each ball's diagonal in the data's unit."""
+    rows, radius = rows_of(balls, ball), balls.radii[ball]
+    local, values = gather(data.points, data.values, rows, balls.centers[ball], radius)
+    diagonal = smoothing[ball] / radius**power / data.weights[rows]
+    return left_by(values, project(local, exponents, power, diagonal), diagonal)
 
 
 @njit(nogil=True, cache=True)

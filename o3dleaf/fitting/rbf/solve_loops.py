@@ -166,6 +166,23 @@ def solve_projected(values, projected):
 
 
 @njit(nogil=True, cache=True)
+def left_by(values, projected, diagonal):
+    """Return f − F (n,) at the points of a fit that `project_system` made: D λ, and what left out directions have."""
+    matrix, vectors, betas, _, _ = projected
+    weights, _, rank, dropped = solve_projected(values, projected)
+    left = diagonal * weights
+    if dropped > 0:
+        rest, turned = values.copy(), weights
+        reflect(rest, vectors, betas, True)
+        reflect(turned, vectors, betas, True)
+        for i in range(len(values)):
+            rest[i] = rest[i] - dot(matrix[i, rank:], turned[rank:], len(values) - rank) if i >= rank else 0.0
+        reflect(rest, vectors, betas, False)
+        left += rest
+    return left
+
+
+@njit(nogil=True, cache=True)
 def reduce_rows(rows, right):
     """Return (q, q) rows and their right-hand side of the same least-squares problem, from a few rows at a time."""
     count, columns = rows.shape

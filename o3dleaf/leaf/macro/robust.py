@@ -8,6 +8,7 @@ the leaf must be left out to see them.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -18,11 +19,10 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.trees import query
 from o3dleaf.fitting.cover.cover import Cover
-from o3dleaf.fitting.cover.index import BallIndex
-from o3dleaf.fitting.local.cross_validation import held_out_errors
+from o3dleaf.fitting.local.cross_validation import held_out_errors, member_weights
+from o3dleaf.fitting.local.fit_loops import ball_residuals
 from o3dleaf.fitting.local.fitter import ScatteredData
-from o3dleaf.fitting.local.splines import fit_splines
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf.fitting.local.smoothing_selection import each_ball
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
 from o3dleaf.fitting.rbf.tail import IntArray
@@ -94,20 +94,36 @@ class RobustHeight:
     space: FloatArray | None = None
     normals: FloatArray | None = None
 
+    @cached_property
+    def shares(self) -> FloatArray:
+        """(total,) the shares that the balls have in the blend at each of their points."""
+        weights, members = member_weights(self.cover, self.plane), self.cover.members
+        return np.asarray(weights / np.bincount(members, weights)[members])
+
     def reweight(self, smoothing: float, weights: FloatArray) -> FloatArray:
         """Return the weights min(1, δ/|residual|) that reproduce themselves, by repeated fits from given ones.
 
-        The residual is that of the blended fit, so that overlapping balls agree on the pass they follow.
+        The residual is that of the blended fit, so that overlapping balls agree on the pass they follow. At a ball's
+        own points it is known from its solution. A ball is fitted again where a weight has moved since it was.
         """
-        index = BallIndex.build(self.cover.centers, self.cover.radii, self.cover.bounds)
+        cover, members = self.cover, self.cover.members
         model = SplineModel(self.kernel, 1, Smoothing(smoothing))
+        exponents, power, diagonals = model.exponents, self.kernel.power, model.smoothing.diagonals(cover.counts)
+        left, used, stale = np.empty(len(members)), np.empty(len(members)), np.arange(len(cover.radii))
+
+        def fit(ball: int) -> None:
+            own = slice(cover.offsets[ball], cover.offsets[ball + 1])
+            left[own] = ball_residuals(ball, data, cover.balls, exponents, power, diagonals)
+            used[own] = data.weights[members[own]]
+
         for _ in range(MAX_ITERATIONS):
-            fit = fit_splines(self.cover, ScatteredData(self.plane, self.heights, weights), model)
-            residual = np.abs(self.heights - PUInterpolant(self.cover, index, fit, None)(self.plane))
-            following = np.minimum(1.0, self.corner / np.maximum(residual, self.corner / 1e6))
-            moved = float(np.max(np.abs(following - weights)))
-            weights = following
-            if moved < TOLERANCE:
+            data = ScatteredData(self.plane, self.heights, weights).weighted
+            each_ball(fit, stale)
+            residual = np.abs(np.bincount(members, self.shares * left))
+            weights = np.minimum(1.0, self.corner / np.maximum(residual, self.corner / 1e6))
+            moved = np.maximum.reduceat(np.abs(weights[members] - used), cover.offsets[:-1])
+            stale = np.flatnonzero(moved >= TOLERANCE)
+            if not len(stale):
                 break
         return weights
 

@@ -3,7 +3,7 @@
 `margin`            the margin: the closed curve in the chart where the leaf ends
 `margin_rings`      the curves where the leaf ends, of a covered region
 `margin_curve`      rings smoothed without shrinking, and grown to where the leaf ends
-`margin_tips`       sharp tips restored
+`tips`              sharp tips restored
 `edge`              the curve of greatest likelihood of a random sample
 `gaps`              gaps among a sample's triangles: chance's and the leaf's
 `sample_region`     what a planar sample covers

@@ -22,8 +22,8 @@ from o3dleaf.leaf.margin.margin_curve import (
     resample,
     smooth,
 )
-from o3dleaf.leaf.margin.margin_tips import with_tips
 from o3dleaf.leaf.margin.sample_region import SampleRegion
+from o3dleaf.leaf.margin.tips.margin_tips import with_tips
 
 FUSE = 0.02
 """The covered region is grown by this many spacings, so that triangles which meet in a corner alone are one piece."""

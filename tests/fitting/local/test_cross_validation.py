@@ -4,7 +4,9 @@ import pytest
 from o3dleaf import PUInterpolant, RBFInterpolant, polyharmonic
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local.cross_validation import held_out_errors
+from o3dleaf.fitting.local.fit_loops import ball_residuals
 from o3dleaf.fitting.local.fitter import ScatteredData
+from o3dleaf.fitting.rbf.kernels import as_kernel
 from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
 from tolerances import HELD_OUT
 
@@ -76,3 +78,24 @@ def test_a_point_of_tiny_weight_is_ignored(noisy):
     elsewhere = PUInterpolant.fit(np.delete(points, 17, axis=0), np.delete(values, 17), **options)
     assert np.abs(ignoring(points) - elsewhere(points)).max() < 0.05
     assert np.abs(PUInterpolant.fit(points, spoilt, **options)(points) - elsewhere(points)).max() > 10
+
+
+@pytest.mark.filterwarnings("ignore:values. points coincide")
+@pytest.mark.parametrize("smoothing", [0.0, 0.05])
+def test_residuals_of_a_ball_are_those_of_its_fit_where_points_coincide_too(noisy, smoothing):
+    """Without smoothing points at one place have the mean of their values, of which the solution says nothing."""
+    points, values, weights = noisy
+    points = np.concatenate([points, points[:9]])
+    values, weights = np.concatenate([values, values[:9] + 1.0]), np.concatenate([weights, weights[:9]])
+    bounds = np.array([points.min(axis=0), points.max(axis=0)])
+    cover, model = (
+        Cover.fit(points, bounds, (229, 229), 1.1),
+        SplineModel(as_kernel("cubic", 2), 1, Smoothing(smoothing)),
+    )
+    data, power = ScatteredData(points, values, weights), model.kernel.power
+    left = ball_residuals(
+        0, data.weighted, cover.balls, model.exponents, power, model.smoothing.diagonals(cover.counts)
+    )
+    fit = PUInterpolant.fit(points, values, kernel=model.kernel, degree=1, smoothing=smoothing, weights=weights)
+    assert np.abs(left).max() > 0.3
+    assert left == pytest.approx((values - fit(points))[cover.members], abs=HELD_OUT)

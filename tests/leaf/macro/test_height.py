@@ -1,11 +1,17 @@
 import numpy as np
 import pytest
 
+from o3dleaf import PUInterpolant
 from o3dleaf.core.errors import InputError
-from o3dleaf.fitting.rbf.kernels import polyharmonic
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.fitter import ScatteredData
+from o3dleaf.fitting.local.splines import fit_splines
+from o3dleaf.fitting.rbf.kernels import as_kernel, polyharmonic
+from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.macro.noise import MAD, height_noise, plane_noise
-from o3dleaf.leaf.macro.robust import huber_loss
+from o3dleaf.leaf.macro.robust import TOLERANCE, RobustHeight, huber_loss
 from tolerances import ANALYTIC_VS_DIFFERENCE, NOISE_OF_HEIGHTS, TWIN
 
 LENGTH = 36.0
@@ -50,6 +56,21 @@ def test_a_minority_pass_is_not_followed():
     robust, plain = HeightMap.fit(points), HeightMap.fit(points, smoothing="gcv")
     assert rms_to_truth(robust) < 0.1
     assert rms_to_truth(plain) > 2 * rms_to_truth(robust)
+
+
+def test_weights_reproduce_themselves_in_all_balls():
+    """They are Huber's for the blend of a fit with them: balls are fitted again wherever a weight has moved."""
+    points = scan(np.random.default_rng(1), second=0.3)
+    plane, heights = points[:, :2].copy(), points[:, 2].copy()
+    cover = Cover.fit(plane, np.array([plane.min(axis=0), plane.max(axis=0)]), (80, 160), 1.1)
+    assert len(cover.radii) > 10
+    problem = RobustHeight(cover, plane, heights, as_kernel("cubic", 2), 0.15)
+    weights = problem.reweight(0.1, np.ones(len(plane)))
+    fit = fit_splines(cover, ScatteredData(plane, heights, weights), SplineModel(problem.kernel, 1, Smoothing(0.1)))
+    index = BallIndex.build(cover.centers, cover.radii, cover.bounds)
+    left = np.abs(heights - PUInterpolant(cover, index, fit, None)(plane))
+    assert np.mean(weights < 0.5) > 0.1
+    assert np.abs(np.minimum(1, 0.15 / left) - weights).max() < 2 * TOLERANCE
 
 
 def test_the_kernel_hardly_matters():

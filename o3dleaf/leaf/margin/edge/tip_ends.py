@@ -7,7 +7,7 @@ import numpy as np
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.edge.edge_fit import EdgeFit
 from o3dleaf.leaf.margin.edge.edge_frame import NODE_STEP, EdgeSample
-from o3dleaf.leaf.margin.margin_tips import BEYOND, BLUNTEST, replaced
+from o3dleaf.leaf.margin.tips.margin_tips import BEYOND, BLUNTEST, replaced
 
 WIDE, LONG = 4.5, 8.0
 """Spacings of width, and from the end, up to which at least a tip's taper is taken for even: farther leaves bend."""

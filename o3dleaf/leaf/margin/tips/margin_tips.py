@@ -5,6 +5,7 @@ import shapely
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.margin_curve import STEP, Spacing
+from o3dleaf.leaf.margin.tips.tip_loops import TipBounds, TipTriangle, lies_within, next_tip
 
 REACH = 3.0
 """A tip is looked for where the curve turns within so many spacings to both sides: what smoothing has rounded."""
@@ -13,10 +14,9 @@ SHARPEST, BLUNTEST = np.radians(2.0), np.radians(80.0)
 the noise of the margin."""
 WIDTHS = (3.5, 5.0, 7.0, 2.5)
 """Where tips begin, by the spacings between their flanks, in the order of trial."""
-NEARBY = 64
-"""Steps of the curve within which flanks so far apart are looked for first: most are, of a curve of hundreds."""
 UNLIKE = 0.15
 """By what share a tip's area may differ from a triangle's of the same centroid; a round end's does by a quarter."""
+ROUNDED = TipBounds(SHARPEST, BLUNTEST, UNLIKE)
 BEYOND = 1.0
 """A tip may go on beyond the curve by the area of so many points: beyond its last point a sample leaves out one in the
 mean."""
@@ -68,71 +68,33 @@ def _tip(rounds: FloatArray, center: int, spacing: float) -> tuple[int, int, Flo
 
     `rounds` is three times the curve, so that what lies around a place of it is a slice.
     """
-    count = len(rounds) // 3
-    for width in WIDTHS:
-        middle, first = _centered(rounds, center, width * spacing)
-        if first >= count // 4:
-            continue
+    count, widths, trial = len(rounds) // 3, spacing * np.array(WIDTHS), 0
+    while True:
+        trial, triangle = next_tip(rounds, center, widths, trial, ROUNDED)
+        if trial == len(widths):
+            return None
+        middle, first = triangle.middle, triangle.first
         arc = rounds[count + middle - first : count + middle + first + 1]
-        flanks = _flanks(arc, spacing)
-        if flanks is not None and _holds(flanks, arc, spacing):
+        flanks = _flanks(arc, triangle, spacing)
+        if _holds(flanks, arc, spacing):
             return (middle - first) % count, (middle + first) % count, flanks
-    return None
+        trial += 1
 
 
-def _centered(rounds: FloatArray, center: int, width: float) -> tuple[int, int]:
-    """Return where a tip is farthest from its base, and the steps from it to where the flanks are `width` apart."""
-    count = len(rounds) // 3
-    first = count
-    for _ in range(3):
-        wide = _first_apart(rounds, center, width)
-        if wide is None:
-            return center, count
-        first = wide
-        arc = rounds[count + center - first : count + center + first + 1]
-        (x, y), (along, across) = (arc - arc[0]).T, arc[-1] - arc[0]
-        last, center = center, (center - first + int(np.argmax(x * across - y * along))) % count
-        if center == last:
-            break
-    return center, first
-
-
-def _first_apart(rounds: FloatArray, center: int, width: float) -> int | None:
-    """Return the steps to both sides of a place until the curve is `width` apart; None where it never is."""
-    start, stop, count = 1, 1 + NEARBY, len(rounds) // 3
-    middle = count + center
-    while start < count // 2:
-        last = min(stop, count // 2)
-        across = np.hypot(*(rounds[middle + start : middle + last] - rounds[middle - start : middle - last : -1]).T)
-        wide = np.flatnonzero(across >= width)
-        if len(wide):
-            return start + int(wide[0])
-        start, stop = stop, 2 * stop
-    return None
-
-
-def _flanks(arc: FloatArray, spacing: float) -> FloatArray | None:
-    """Return both flanks (k, 2) of a tip that ends sharp, without their ends; None where the arc is no rounded one.
+def _flanks(arc: FloatArray, triangle: TipTriangle, spacing: float) -> FloatArray:
+    """Return both flanks (k, 2) of a tip that ends sharp, without their ends.
 
     Growth leaves out no area, but a narrow tip's is a strip of even width: its centroid stays, at a third of the height
     of the triangle on the same base. A square end has 4/3 of the area of that triangle, an elliptic one 5/4. The
     triangle is bent as the arc is, along the parabola through the middles between its sides.
     """
-    tip = shapely.Polygon(arc)
-    middle = (arc[0] + arc[-1]) / 2
-    axis = shapely.get_coordinates(tip.centroid)[0] - middle
-    height = 3 * float(np.hypot(*axis))
-    axis = axis / max(height / 3, 1e-300)
+    middle, axis, base = (arc[0] + arc[-1]) / 2, triangle.axis, triangle.base
     side = np.array([axis[1], -axis[0]])
-    base = float((arc[0] - arc[-1]) @ side)
-    angle = 2 * np.arctan2(base / 2, height)
-    if not SHARPEST <= angle <= BLUNTEST or abs(tip.area / (base * height / 2) - 1) > UNLIKE:
-        return None
     half = len(arc) // 2
     spine, widths = (arc[:half] + arc[:half:-1]) / 2 - middle, np.hypot(*(arc[:half] - arc[:half:-1]).T)
     x, y = spine @ axis, spine @ side
     bend = np.linalg.lstsq(np.stack([x, x**2], axis=1) * widths[:, None], y * widths, rcond=None)[0]
-    height = min(height, float(x.max()) + spacing * np.sqrt(2 * BEYOND * height / base))
+    height = min(triangle.height, float(x.max()) + spacing * np.sqrt(2 * BEYOND * triangle.height / base))
     count = max(2, round(height / (STEP * spacing)))
     share = np.arange(1, count + 1) / count
     along = share * height
@@ -143,11 +105,11 @@ def _flanks(arc: FloatArray, spacing: float) -> FloatArray | None:
 
 def _holds(flanks: FloatArray, arc: FloatArray, spacing: float) -> bool:
     """Return whether a tip between two flanks leaves out nothing of the arc, and adds little."""
-    tip, rounded = shapely.Polygon(np.vstack([arc[:1], flanks, arc[-1:]])), shapely.Polygon(arc)
+    ring = np.vstack([arc[:1], flanks, arc[-1:]])
+    tip, rounded = shapely.Polygon(ring), shapely.Polygon(arc)
     if not tip.is_valid or tip.area > (1 + UNLIKE) * rounded.area:
         return False
-    shapely.prepare(tip)
-    return bool(shapely.dwithin(tip, shapely.points(arc), BENT * spacing).all())
+    return bool(lies_within(arc, ring, BENT * spacing))
 
 
 def _between(center: int, start: int, stop: int, count: int) -> bool:
