@@ -1442,6 +1442,13 @@ more are cut off."""
 
 LINES_APART = 0.1
 """Of the distance of lines: noise of a tenth of a step makes the way to the fourth neighbor longer."""
+SCAN_PLANES = 0.002
+"""Of the distance of a scanner's planes that is found: 4e-4 off with noise of a fifth of a step along the lines."""
+SCAN_PLANES_TURN = 1e-5
+"""Of the cosine of the angle between their normals: 2e-7 found, a quarter of a degree."""
+PASSED_BY = 0.01
+"""Of the area of a bowl whose bottom lies along a scanner's planes: within 0.0042 found, 0.005 to 0.047 of it missing
+if the gap between lines there is a hole."""
 LINES_ALONG = 0.01
 """Of the cosine of the angle between lines and their direction that is found: eight degrees."""
 UNEVEN_BY_CHANCE = 0.1

@@ -334,6 +334,7 @@ DOORS: dict[str, Door] = {
         fill_holes=SIZE.optional,
         noise=SIZE.like(0.0),
         thinned_to=SIZE.optional,
+        lift=OBJECT.optional,
         unit=maybe_unit,
     ),
     "Margin.contains": method(lambda w: w.leaf.blade.outline, "contains", points=PLACES),

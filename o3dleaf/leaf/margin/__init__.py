@@ -10,6 +10,7 @@
 `missing_area`      what the sample leaves out at the border of that
 `traced_border`     whether the border of that was set on the margin, as a mesh's vertices are
 `sample_lines`      the lines of a sample, as laser line scanners leave them
+`scan_planes`       the planes of a line scanner that those lie in
 `sample_triangles`  its Delaunay triangles
 `sample_spacing`    how it is spaced, place by place
 `taper`             thickness that falls towards the margin

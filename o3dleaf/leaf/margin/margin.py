@@ -23,11 +23,12 @@ from o3dleaf.leaf.margin.gaps.hole import Hole
 from o3dleaf.leaf.margin.margin_curve import Spacing, largest
 from o3dleaf.leaf.margin.margin_rings import fit_rings
 from o3dleaf.leaf.margin.sample_region import SampleRegion, cover_sample
+from o3dleaf.leaf.margin.scan_planes import Lift
 
 ROOM = 1.05
 """Times the width of a hole that is named to fill it: more than a figure of three digits is rounded by."""
 TOLD = 0.002
-"""Share of the points that may lie outside without a note."""
+"""Share of the points that may lie outside, or of the area that may be taken as covered, without a note."""
 TOGETHER = 0.1
 """Of the sample's extent, within which half of some points lie that have one place."""
 
@@ -81,6 +82,7 @@ class Margin:
         fill_holes: NotNegative | None = None,
         noise: NotNegative = 0.0,
         thinned_to: NotNegative | None = None,
+        lift: Lift | None = None,
         unit: Unit | None = None,
     ) -> "Margin":
         """Fit the margin of a sample of the leaf.
@@ -107,6 +109,10 @@ class Margin:
         thinned_to : float, optional
             Distance in space below which points were left out, as CloudCompare and MeshLab do; 0: none were. By default
             it is that of nearest neighbors in the chart, if they are as far apart in a sharp minimum.
+        lift : callable, optional
+            ``lift(uv)``: places (k, 2) to the points (k, 3) of the surface whose chart it is, and its derivatives
+            (k, 2, 3) by u and v. With it gaps that lie along the planes of a line scanner, which pass by them, are no
+            holes and no bays.
         unit : str, optional
 
         Raises
@@ -120,7 +126,7 @@ class Margin:
         given = None if fill_holes is None else as_number(fill_holes, "fill_holes")
         least = 0.0 if spacing is None else require_positive(spacing, "spacing")
         found = least_distance(points) if thinned_to is None else as_number(thinned_to, "thinned_to")
-        region = cover_sample(np.unique(points, axis=0), 0.0 if given is None else given)
+        region = cover_sample(np.unique(points, axis=0), 0.0 if given is None else given, lift)
         local = Spacing(cKDTree(region.points), np.maximum(region.spacing, least))
         limit = region.widest if given is None else given
         (outer, *inner), sample = fit_rings(region, local, as_number(noise, "noise"), found)
@@ -139,7 +145,7 @@ class Margin:
             tuple(hole_rings),
             spacing=float(np.median(region.spacing)),
             holes=tuple(holes[i] for i in order),
-            notes=tell_excess(sample) + _notes(region, holes),
+            notes=tell_excess(sample) + _notes(region, holes, polygon.area),
             unit=unit,
         )
 
@@ -192,8 +198,8 @@ def cut_margin(margin: Margin, polygon: shapely.Polygon) -> Margin:
     return Margin(**margin.state() | {"ring": ring, "hole_rings": tuple(hole_rings)})
 
 
-def _notes(region: SampleRegion, holes: list[Hole]) -> tuple[str, ...]:
-    """Return what the region does not hold, and which holes may be the scanner's."""
+def _notes(region: SampleRegion, holes: list[Hole], area: float) -> tuple[str, ...]:
+    """Return what the region does not hold, of the margin's area, and which holes may be the scanner's."""
     notes = []
     narrow = [hole.width for hole in holes if not hole.filled and hole.width <= region.void]
     if narrow:
@@ -202,6 +208,9 @@ def _notes(region: SampleRegion, holes: list[Hole]) -> tuple[str, ...]:
         notes.append(f"{said}: tears, or slits that the scanner left; {fill}")
     if region.border is not None and region.border.smooth:
         notes.append(region.border.note(float(region.missing.sum() / (region.spacing**2).sum())))
+    if region.passed_by > TOLD * area:
+        share = region.passed_by / area
+        notes.append(f"{share:.1%} of the area lies along the scanner's planes, which pass by it: taken as covered")
     if region.bridged:
         notes.append(f"{region.bridged + 1} pieces of the scan were joined over gaps wider than the scan's own")
     if len(region.left_out) > TOLD * len(region.points):

@@ -50,6 +50,16 @@ class SampleLines:
     astray: FloatArray
     clear: BoolArray
 
+    @property
+    def are_most(self) -> bool:
+        """Whether there are lines at half of the points."""
+        return bool(2 * np.count_nonzero(self.clear) >= len(self.clear))
+
+    @property
+    def steps(self) -> FloatArray:
+        """Distance (n,) of the points along lines."""
+        return np.asarray(self.spacing**2 / self.apart)
+
     def inside(self, deep: BoolArray) -> bool:
         """Return whether there are lines at most of the points deep (n,) inside, not along a margin alone.
 
@@ -83,7 +93,13 @@ class SampleLines:
 
 
 def sample_lines(neighbors: SampleNeighbors, spacing: FloatArray) -> SampleLines | None:
-    """Return the lines of points by their `neighbors` and `spacing` (n,); None if they are no sample of lines.
+    """Return the lines of points by their `neighbors` and `spacing` (n,); None if fewer than half show any."""
+    lines = local_lines(neighbors, spacing)
+    return lines if lines is not None and lines.are_most else None
+
+
+def local_lines(neighbors: SampleNeighbors, spacing: FloatArray) -> SampleLines | None:
+    """Return what lines there are, place by place, of points by their `neighbors` and `spacing` (n,); None of too few.
 
     The direction at a point is the mean of those to the nearest neighbors of each of the points around it, as axes, of
     twice the angle. Of k neighbors on a line the last is k/2 steps away. Of `ALONG` those are taken that agree best.
@@ -96,8 +112,6 @@ def sample_lines(neighbors: SampleNeighbors, spacing: FloatArray) -> SampleLines
     means = [((axis * each).sum(axis=1) / each.sum(axis=1))[around].mean(axis=1) for each in near]
     best = int(np.argmax([np.median(np.abs(mean)) for mean in means]))
     mean, count, order = means[best], list(ALONG)[best], np.abs(means[best])
-    if np.median(order) < MIN_ORDER:
-        return None
     turn = np.angle(mean) / 2
     along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     way = points[around[:, count]] - points

@@ -10,9 +10,10 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.gaps.joined_pieces import PIECE, joined_pieces
 from o3dleaf.leaf.margin.gaps.narrow_bays import narrow_bays
+from o3dleaf.leaf.margin.gaps.passed_by import passed_by_planes
 from o3dleaf.leaf.margin.gaps.sample_gaps import CHANCE, enclosed_by_chance, open_gaps, slits_of, small_gaps
 from o3dleaf.leaf.margin.missing_area import missing_area, randomness
-from o3dleaf.leaf.margin.sample_lines import SampleLines, sample_lines
+from o3dleaf.leaf.margin.sample_lines import SampleLines, local_lines
 from o3dleaf.leaf.margin.sample_spacing import (
     CRUDE_JUMP,
     JUMP,
@@ -27,6 +28,7 @@ from o3dleaf.leaf.margin.sample_spacing import (
     uneven_sizes,
 )
 from o3dleaf.leaf.margin.sample_triangles import Triangulation, components_of, inner_points, measured_by, triangulate
+from o3dleaf.leaf.margin.scan_planes import Lift
 from o3dleaf.leaf.margin.traced_border import Border, border_of
 
 USUAL = 0.9
@@ -81,6 +83,8 @@ class SampleRegion:
         Width of the widest void that chance leaves in it.
     lines : SampleLines or None
         Those that it lies on.
+    passed_by : float
+        Area of triangles that would be gaps if the scanner's planes did not pass by them.
     """
 
     points: FloatArray
@@ -95,6 +99,7 @@ class SampleRegion:
     left_out: IntArray
     void: float
     lines: SampleLines | None
+    passed_by: float
 
     @property
     def traced(self) -> bool:
@@ -102,8 +107,10 @@ class SampleRegion:
         return self.border is not None and self.border.traced
 
 
-def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
+def cover_sample(points: FloatArray, fill_slits: float = 0.0, lift: Lift | None = None) -> SampleRegion:
     """Return what (n, 2) distinct points cover, and the slits from its border that are no wider than asked.
+
+    With the `lift` of their chart no place is a gap that a line scanner's planes pass by.
 
     Raises
     ------
@@ -112,8 +119,8 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     """
     mesh = triangulate(points)
     found = _spaced(mesh)
-    lines = sample_lines(mesh.near, found.spacing)
-    lines = lines if lines is not None and lines.inside(found.deep) else None
+    local = local_lines(mesh.near, found.spacing)
+    lines = local if local is not None and local.are_most and local.inside(found.deep) else None
     if lines is not None:  # of few lines deep inside no density is known; bays look as what lies between lines does
         mesh = measured_by(mesh, local_shape(mesh.near, mesh.triangles, mesh.areas))
         found = _spaced(mesh)
@@ -126,6 +133,10 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     spacing, short, deep = found.spacing, found.short, found.deep
     size = spacing_between(mesh.near.row, mesh.triangles, spacing, JUMP)
     covered = _covered(mesh, spacing, size, short)
+    passed_by = np.zeros_like(covered)
+    if lift is not None and local is not None:
+        passed_by = passed_by_planes(mesh, ~covered, local.spaced(spacing), short, lift)
+    covered |= passed_by
     bays = _bays(mesh, covered, size, found) if lines is None else np.zeros_like(covered)
     covered &= ~bays
     kept, bridged, widest = joined_pieces(mesh, covered, bays, spacing, LONG * short)
@@ -135,7 +146,7 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     labels = components_of(mesh.neighbors, kept)
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
     left_out = np.setdiff1d(np.arange(len(points)), mesh.triangles[kept])
-    random = _randomness(mesh, kept, deep, spacing)
+    random = _randomness(mesh, kept & ~passed_by, deep, spacing)
     # A line along the margin is as smooth as one that was set on it.
     border = border_of(mesh, kept, deep, spacing) if lines is None else None
     missing = np.zeros(len(points))
@@ -143,8 +154,9 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         missing = missing_area(mesh, kept, spacing, random, _longest(mesh, bays & ~kept, short), lines)
     triangles, filled = mesh.triangles[kept], mesh.triangles[kept & ~covered]
     void = VOID * short * float(np.median(spacing))
+    area = float(mesh.areas[kept & passed_by].sum())
     return SampleRegion(
-        points, triangles, filled, spacing, missing, random, border, bridged, widest, left_out, void, lines
+        points, triangles, filled, spacing, missing, random, border, bridged, widest, left_out, void, lines, area
     )
 
 

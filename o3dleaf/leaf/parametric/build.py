@@ -264,7 +264,10 @@ def _margin(fit: SurfaceFit, spacing: float, fill_holes: float | None, unit: str
     """Return the margin of the points that show where the leaf ends."""
     shows = _near(fit) & ~past_tight_bends(fit, spacing)
     apart = least_distance(fit.points[shows])
-    return Margin.fit(fit.feet[shows], fill_holes=fill_holes, noise=fit_noise(fit), thinned_to=apart, unit=unit)
+    lift = partial(fit.surface.jet, order=1)
+    return Margin.fit(
+        fit.feet[shows], fill_holes=fill_holes, noise=fit_noise(fit), thinned_to=apart, lift=lift, unit=unit
+    )
 
 
 def _complete(fit: SurfaceFit, halves: Halves, length: float) -> tuple[SurfaceFit, tuple[str, ...]]:
