@@ -634,6 +634,10 @@ CLEAN_SURFACE = 0.01
 NOISY_SURFACE = 0.3
 """In σ: a fit of a hundred points a freedom leaves a tenth; interpolation leaves 0.8, the pooled GCV of triples 0.4."""
 
+RADIUS_OF_DENSE = 4.0
+"""Standard errors σ/√n of the radius of a dense noisy ball, one of which is chance; found 0.5, and 13 where means count
+alike, however many points they stand for."""
+
 RIM_AREA = 0.05
 """Half a spacing along the rim of half a sphere of 6,000 points is 2.5 % of its area."""
 

@@ -100,10 +100,11 @@ def fit_balls(start, stop, data, balls, tail, power, smoothing, groups, share, f
         first, last = balls.offsets[ball], balls.offsets[ball + 1]
         rows, radius = balls.members[first:last], balls.radii[ball]
         local, values = gather(data.points, data.values, rows, balls.centers[ball], radius)
-        diagonal = smoothing[ball] / radius**power / data.weights[rows]
-        exponents, noise = tail.exponents[: tail.terms[ball]], shared_noise(groups[rows], share)
+        counts, named = data.weights[rows], groups[rows]
+        diagonal = smoothing[ball] / radius**power / counts
+        exponents, noise = tail.exponents[: tail.terms[ball]], shared_noise(named, share)
         solved = solve_shared(local, values, exponents, power, diagonal, noise)
-        solved[1][0] += smoothing_bias(solved[0], diagonal, groups[rows] == rows, noise)
+        solved[1][0] += smoothing_bias(solved[0], diagonal, counts, named == rows, noise)
         write_ball(ball, first, local, solved, fitted)
 
 
@@ -125,12 +126,12 @@ def fit_choosing_balls(start, stop, data, balls, tail, power, groups, trials, ch
         local, values = gather(data.points, data.values, rows, balls.centers[ball], radius)
         scale = trials.per_point * rows.size if trials.per_point > 0.0 else 1.0
         scaled = trials.values * (scale / radius**power)
-        roots, named = np.sqrt(data.weights[rows]), local_groups(rows, groups)
+        counts, named = data.weights[rows], local_groups(rows, groups)
         exponents, noise = tail.exponents[: tail.terms[ball]], shared_noise(groups[rows], trials.share)
         solved, best = solve_chosen(
-            local, values, roots, exponents, power, named, noise, scaled, trials.inverses, trials.usual
+            local, values, np.sqrt(counts), exponents, power, named, noise, scaled, trials.inverses, trials.usual
         )
-        solved[1][0] += smoothing_bias(solved[0], scaled[best] / data.weights[rows], groups[rows] == rows, noise)
+        solved[1][0] += smoothing_bias(solved[0], scaled[best] / counts, counts, groups[rows] == rows, noise)
         write_ball(ball, first, local, solved, fitted)
         chosen[ball] = trials.values[best]
 

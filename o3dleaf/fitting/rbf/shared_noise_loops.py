@@ -112,12 +112,13 @@ def inverse(noise):
 
 
 @njit(nogil=True, cache=True)
-def smoothing_bias(weights, diagonal, measured, noise):
+def smoothing_bias(weights, diagonal, counts, measured, noise):
     """Return what a fit lacks at measured rows on average, less what is chance; 0 without a share.
 
     Smoothing takes off what bends: between two sheets of a thin part the field is a ridge, and the rounded one is too
     high on both. It leaves D^½ C D^½ λ of the values; as Σ λ = 0, rows off the surface make up for the measured ones.
-    The mean m of these n, of variance s², is multiplied with max(0, 1 − s²/(n m²)), as James and Stein do.
+    The mean m of these is multiplied with max(0, 1 − v/m²), v its variance, as James and Stein do. A mean of points
+    counts as often as they do: those beyond a surface that bends are more than those within, and stand for fewer.
 
     Parameters
     ----------
@@ -125,6 +126,8 @@ def smoothing_bias(weights, diagonal, measured, noise):
         λ of the fit.
     diagonal : (n,)
         What smoothing has added to each row's diagonal, D.
+    counts : (n,)
+        The weights of the rows: how many points each stands for.
     measured : (n,) bool
     noise : SharedNoise
     """
@@ -134,15 +137,16 @@ def smoothing_bias(weights, diagonal, measured, noise):
     residuals = roots * weights
     whiten(inverted, residuals)
     whiten(inverted, residuals)
-    count, total, squares = 0, 0.0, 0.0
+    rows, weight, total, squares = 0, 0.0, 0.0, 0.0
     for j in range(residuals.size):
         if measured[j]:
-            residual = roots[j] * residuals[j]
-            count, total, squares = count + 1, total + residual, squares + residual * residual
-    if count < 2 or total == 0.0:
+            residual, count = roots[j] * residuals[j], counts[j]
+            rows, weight = rows + 1, weight + count
+            total, squares = total + count * residual, squares + count * residual * residual
+    if rows < 2 or total == 0.0:
         return 0.0
-    mean = total / count
-    variance = (squares - total * mean) / (count - 1)
+    mean = total / weight
+    variance = (squares - total * mean) / (rows - 1)
     return max(0.0, 1.0 - variance / (total * mean)) * mean
 
 

@@ -219,25 +219,32 @@ def test_fit_and_diagnostics_where_errors_are_shared_are_those_of_a_dense_system
     assert field.diagnostics().leave_one_out[0] == pytest.approx(expected, rel=GROUPS_REFIT)
 
 
+@pytest.mark.parametrize("weighted", [False, True])
 @pytest.mark.parametrize("smoothing", ["fixed", "gcv-per-ball"])
-def test_what_smoothing_leaves_of_measured_values_on_average_is_taken_off_but_for_chance(smoothing):
-    """Two noisy sheets with their middle and sites outside: smoothing rounds the ridge between them off."""
+def test_what_smoothing_leaves_of_measured_values_on_average_is_taken_off_but_for_chance(smoothing, weighted):
+    """Two noisy sheets with their middle and sites outside: smoothing rounds the ridge between them off.
+
+    The average is that of the points for which rows with weights stand.
+    """
     rng, count = np.random.default_rng(5), 120
     side = np.repeat([-1.0, 1.0], count // 2)
     plane, height = rng.uniform(-1, 1, (count, 2)), 0.1 + 0.02 * rng.standard_normal(count)
     heights = (side * height, 0 * side, side * (height + 0.2))
     points = np.concatenate([np.column_stack([plane, each]) for each in heights])
     values, groups = np.repeat([0.0, 0.1, -0.2], count), np.tile(np.arange(count), 3)
+    own = np.where(side > 0, 1.0, 4.0) if weighted else np.ones(count)
     options = {"smoothing": 0.5 if smoothing == "fixed" else smoothing, "groups": groups, "share": 0.5}
+    options["weights"] = own[groups]
     field = PUInterpolant.fit(points, values, points_per_ball=400, **options)
     amount = field.local.diagonals[0]
-    spread = amount * covariance(groups, 0.5, np.ones(len(points)))
+    spread = amount * covariance(groups, 0.5, own[groups])
     _, known = shared_fit(points, values, polyharmonic(3, 3), 2, spread)
     left = -known(points[:count])
-    chance = np.var(left, ddof=1) / (count * np.mean(left) ** 2)
+    mean = np.average(left, weights=own)
+    chance = own @ (left - mean) ** 2 / ((count - 1) * own.sum() * mean**2)
     places = rng.uniform(-0.9, 0.9, (50, 3)) * [1, 1, 0.1]
     atol = GROUPS_REFIT if smoothing == "fixed" else 0.02 * PART_OF_NOISE
-    np.testing.assert_allclose(field(places), known(places) + (1 - chance) * left.mean(), rtol=0, atol=atol)
+    np.testing.assert_allclose(field(places), known(places) + (1 - chance) * mean, rtol=0, atol=atol)
     assert chance < 0.2
     assert abs(field(points[:count]).mean()) < 0.3 * abs(left.mean())
 

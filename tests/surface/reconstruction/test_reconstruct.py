@@ -33,6 +33,7 @@ from tolerances import (
     MESH_NEED,
     NOISY_SURFACE,
     PLANE_FIELD,
+    RADIUS_OF_DENSE,
     RIM_AREA,
     ROUNDING,
     SINGLE_PLACED,
@@ -115,6 +116,16 @@ def test_smoothing_beats_the_points():
         off = np.abs(solid.signed_distance(np.asarray(mesh.vertices)))
         assert report(mesh).components == 1
         assert off.mean() < NOISY_SURFACE * sigma
+
+
+def test_a_dense_noisy_ball_has_its_radius():
+    """Noise of three spacings is averaged in layers of voxels: the outer ones are more, and stand for fewer points."""
+    solid, count = samples.Sphere(), 6_000
+    points, normals = solid.sample(count, seed=0)
+    off = 3 * spacing_of(points) * np.random.default_rng(0).normal(size=(count, 1))
+    mesh, _ = create_from_point_cloud_rbfpu(legacy(points + off * normals, normals), measure=None)
+    heights = solid.signed_distance(np.asarray(mesh.vertices))
+    assert abs(heights.mean()) < RADIUS_OF_DENSE * off.std() / np.sqrt(count)
 
 
 def test_open_where_the_data_are_open():
