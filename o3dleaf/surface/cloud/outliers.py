@@ -1,5 +1,7 @@
 """Outliers of a cloud: single points, small clusters, points a little off the surface beside them, and clutter."""
 
+from contextlib import ExitStack
+
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array
@@ -90,30 +92,40 @@ def detect_outliers(
     Brito, Chávez, Quiroz and Yukich (1997), Connectivity of the mutual k-nearest-neighbor graph in clustering and
     outlier detection, Statistics & Probability Letters 35, 33-42.
     """
-    cloud = OrientedCloud.of(cloud)
-    searching, linking = progress.split(3, 1)
-    with searching:
-        near = cloud.neighbors
-    with linking:
-        if near.distance.shape[1] < 2:  # a point alone has no neighbor
-            return np.zeros(len(near.distance), dtype=bool)
-        distance = np.ascontiguousarray(near.distance[:, 1 : NEIGHBORS + 1])
-        clutter = _are_clutter(cloud.points, distance[:, -1], max_clutter)
-        if clutter.any():  # what it linked, or was as sparse beside, is judged without it
-            rest = cloud.take(~clutter)
-            clutter[~clutter] = detect_outliers(
-                rest, max_gap=max_gap, max_ratio=max_ratio, max_clutter=max_clutter, std_ratio=std_ratio
-            )
-            return clutter
-        row = np.ascontiguousarray(near.row[:, 1 : NEIGHBORS + 1])
-        far = distance[:, -1]
-        cluster = _clusters(cloud, distance, row, max_gap * float(np.median(far)))
-        outlier = _are_small(cluster) | _are_isolated(far, row, max_ratio)
-        outlier[outlier] = ~_are_sparse_sheets(cloud.points, distance, row, outlier)
-        if np.isfinite(std_ratio):
-            mean = near.distance[:, :NEIGHBORS].mean(axis=1)
-            outlier |= mean > mean.mean() + std_ratio * mean.std(ddof=1)
-        return np.asarray(outlier)
+    whole = OrientedCloud.of(cloud)
+    outlier, rest = np.zeros(len(whole), dtype=bool), whole
+    with ExitStack() as steps:
+        while True:
+            searching, linking = progress.split(3, 1)
+            with searching:
+                near = rest.neighbors
+            steps.enter_context(linking)
+            if near.distance.shape[1] < 2:  # a point alone has no neighbor
+                return outlier
+            clutter = _are_clutter(rest.points, near.distance[:, 1 : NEIGHBORS + 1][:, -1], max_clutter)
+            if not clutter.any():
+                break
+            # What it linked, or was as sparse beside, is judged without it; of neighbors only the last ones are kept.
+            outlier[~outlier] = clutter
+            del near
+            rest = rest.take(~clutter)
+        outlier[~outlier] = _are_apart(rest, max_gap, max_ratio, std_ratio)
+        return outlier
+
+
+def _are_apart(cloud: OrientedCloud, max_gap: float, max_ratio: float, std_ratio: float) -> npt.NDArray[np.bool_]:
+    """Return which points (n,) of a cloud without clutter are in small clusters, isolated, or far on the mean."""
+    near = cloud.neighbors
+    distance = np.ascontiguousarray(near.distance[:, 1 : NEIGHBORS + 1])
+    row = np.ascontiguousarray(near.row[:, 1 : NEIGHBORS + 1])
+    far = distance[:, -1]
+    cluster = _clusters(cloud, distance, row, max_gap * float(np.median(far)))
+    outlier = _are_small(cluster) | _are_isolated(far, row, max_ratio)
+    outlier[outlier] = ~_are_sparse_sheets(cloud.points, distance, row, outlier)
+    if np.isfinite(std_ratio):
+        mean = near.distance[:, :NEIGHBORS].mean(axis=1)
+        outlier |= mean > mean.mean() + std_ratio * mean.std(ddof=1)
+    return np.asarray(outlier)
 
 
 def tell_outliers(cloud: OrientedCloud, outlier: npt.NDArray[np.bool_]) -> str:

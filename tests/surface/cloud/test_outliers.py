@@ -1,5 +1,6 @@
 """Outliers of a cloud and of a scan: few, counted, and the same however the cloud is held."""
 
+import weakref
 from functools import partial
 
 import numpy as np
@@ -13,7 +14,8 @@ from cloud_shapes import sphere, torus
 from o3dleaf import OrientedCloud, detect_outliers, read_point_cloud
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.pipeline import is_far
-from o3dleaf.surface.cloud import outliers
+from o3dleaf.surface.cloud import oriented_cloud, outliers
+from o3dleaf.surface.cloud.neighbors import nearest_neighbors
 from o3dleaf.surface.cloud.usable_points import remove_faults, usable_rows
 from tolerances import SCATTERED, UNEVEN
 
@@ -55,6 +57,23 @@ def test_points_scattered_through_space_are_outliers(count):
     sheet = np.column_stack([rng.uniform(3, 4, (800, 2)), 0.1 * rng.normal(size=800) * spacing])
     wire = np.column_stack([np.linspace(-3, 3, 200), np.full(200, 3.0), 1e-3 * rng.normal(size=200)])
     assert not detect_outliers(np.vstack([points, 3 * sheet, wire]), max_gap=np.inf, max_ratio=np.inf).any()
+
+
+def test_neighbors_of_rounds_before_are_not_kept(monkeypatch):
+    """A cloud that thins out loses clutter round by round: its own neighbors stay, and those of the last round."""
+    known = []
+
+    def recorded(*arguments):
+        assert sum(each() is not None for each in known[1:]) == 0
+        near = nearest_neighbors(*arguments)
+        known.append(weakref.ref(near.distance))
+        return near
+
+    monkeypatch.setattr(oriented_cloud, "nearest_neighbors", recorded)
+    rng = np.random.default_rng(0)
+    cloud = OrientedCloud.of(rng.normal(size=(2_000, 3)) * np.exp(rng.normal(size=(2_000, 1))))
+    detect_outliers(cloud, max_clutter=1.2)
+    assert len(known) > 3
 
 
 def test_a_surface_of_few_points_beside_a_dense_one_is_no_outlier():
