@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf.leaf.sheet.layers.two_sides import find_both_sides
+from o3dleaf.leaf.sheet.layers.two_sides import _beside, _orthonormal, find_both_sides
 from tests import tolerances as tol
 
 SPACING = 0.7
@@ -88,3 +88,15 @@ def test_a_second_layer_over_a_part_is_no_other_side():
 
 def test_sides_are_left_as_they_are_in_few_points():
     assert find_both_sides(np.random.default_rng(0).random((30, 3))) is None
+
+
+def test_columns_that_depend_on_others_leave_the_projection_as_it_is():
+    rng = np.random.default_rng(3)
+    columns = rng.normal(size=(20, 40, 4))
+    values = rng.normal(size=(20, 40))
+    twice = np.concatenate([columns, columns[..., :2] - columns[..., 2:]], axis=2)
+    fitted = [column @ np.linalg.lstsq(column, value)[0] for column, value in zip(columns, values, strict=True)]
+    for given in (columns, twice):
+        basis, weights = _orthonormal(given)
+        np.testing.assert_allclose(given @ weights, basis)
+        np.testing.assert_allclose(values - _beside(basis, values), fitted, atol=tol.ROUNDING)

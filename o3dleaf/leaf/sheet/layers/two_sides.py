@@ -31,6 +31,8 @@ MAX_PLACES = 5_000
 """Places at which the middle is found, from which points have their own."""
 AGREEING = 7
 """Places of whose middles a point is moved to the median: beside a margin quadrics of single places lean."""
+SPANNED = 1e-12
+"""Squared length, of such as are about 1, up to which it may be rounding alone, which is 1e-15."""
 ROUNDS = 6
 """Times that points are given to the nearer of two quadrics, which are fitted anew."""
 TWICE = 0.5
@@ -133,15 +135,19 @@ def _fit_some(points: FloatArray, tree: cKDTree, rows: IntArray, count: int) -> 
     local = np.take_along_axis(local, seen[..., np.newaxis], axis=1)
     radius = np.sqrt(np.take_along_axis(beside, seen[:, -1:], axis=1)[:, 0])
     radius = np.where(radius > 0, radius, 1.0)
-    one, height = _quadric(local[..., 1:] / radius[:, np.newaxis, np.newaxis]), local[..., 0]
-    left = _residuals(one, height)[1]
-    upper = left > _split(left)[:, np.newaxis]
+    basis, weights = _orthonormal(_quadric(local[..., 1:] / radius[:, np.newaxis, np.newaxis]))
+    height = local[..., 0]
+    left = _beside(basis, height)
+    sides = (left > _split(left)[:, np.newaxis]).astype(np.float64)
     for _ in range(ROUNDS):
-        both = np.concatenate([one, upper[..., np.newaxis].astype(np.float64)], axis=2)
-        coefficients, rest = _residuals(both, height)
-        over = rest + both[..., 6] * coefficients[:, 6:]
-        upper = np.abs(over) > np.abs(over - coefficients[:, 6:])
-    sides = upper.astype(np.float64)
+        # Least squares by both: what no quadric has of the sides, fitted to what none has of the heights.
+        own = _beside(basis, sides)
+        length = (own**2).sum(axis=1)
+        apart = np.divide((own * left).sum(axis=1), length, out=np.zeros_like(length), where=length > SPANNED)
+        step = apart[:, np.newaxis]
+        lower, rest, over = height - step * sides, left - step * own, left + step * (sides - own)
+        sides = (np.abs(over) > np.abs(over - step)).astype(np.float64)
+    coefficients = np.column_stack([(weights @ (basis.mT @ lower[..., np.newaxis]))[..., 0], apart])
     two_sided = (rest**2).sum(axis=1) <= BETWEEN * (left**2).sum(axis=1)
     two_sided &= np.minimum(sides.mean(axis=1), 1 - sides.mean(axis=1)) >= LESSER
     two_sided &= np.abs(coefficients[:, 6]) >= APART * radius * np.sqrt(np.pi / SEEN)
@@ -154,11 +160,20 @@ def _quadric(place: FloatArray) -> FloatArray:
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
 
 
-def _residuals(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the coefficients (m, c) and residuals (m, k) of least squares, of columns (m, k, c) and values (m, k)."""
-    right = columns.mT @ values[..., np.newaxis]
-    coefficients = np.linalg.pinv(columns.mT @ columns, hermitian=True) @ right
-    return coefficients[..., 0], values - (columns @ coefficients)[..., 0]
+def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return orthonormal columns (m, k, c) that span those given (m, k, c), and the weights (m, c, c) that make them.
+
+    Where those given depend on one another some are 0.
+    """
+    values, vectors = np.linalg.eigh(columns.mT @ columns)
+    spanned = values > SPANNED * values[:, -1:]
+    weights = vectors * np.where(spanned, 1 / np.sqrt(np.where(spanned, values, 1.0)), 0.0)[:, np.newaxis]
+    return columns @ weights, weights
+
+
+def _beside(basis: FloatArray, values: FloatArray) -> FloatArray:
+    """Return what of values (m, k) orthonormal columns (m, k, c) do not span."""
+    return values - (basis @ (basis.mT @ values[..., np.newaxis]))[..., 0]
 
 
 def _split(values: FloatArray) -> FloatArray:
