@@ -67,7 +67,7 @@ class ScanPlanes:
 def find_scan_planes(lines: SampleLines, lift: Lift) -> ScanPlanes | None:
     """Return the planes of the lines of a sample; None where they are of no family of planes.
 
-    Their gradient is that of most lines (`_gradient`), but for its length, which is sought around each of some starts.
+    Their gradient is that of most lines (`_gradients`), but for its length, which is sought around each of some starts.
     From there planes are fitted by least squares to the points of larger and larger balls, each at the whole number
     that the planes of the ball before say.
     """
