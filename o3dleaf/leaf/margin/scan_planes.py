@@ -22,8 +22,6 @@ FEWEST = 8
 """Points of a plane in the mean: of fewer, as of independent points, some planes go through most."""
 TURNS = 10
 """Rounds in which the signs of heights' slopes are found."""
-SCALES = np.exp(np.linspace(-0.5, 0.5, 41))
-"""Times the gradient of heights, an estimate, among which that of the first planes is sought."""
 MAX_FITTED = 20_000
 """Points that planes are fitted to."""
 THIN = 1e-3
@@ -67,9 +65,9 @@ class ScanPlanes:
 def find_scan_planes(lines: SampleLines, lift: Lift) -> ScanPlanes | None:
     """Return the planes of the lines of a sample; None where they are of no family of planes.
 
-    Their gradient is that of most lines (`_gradients`), but for its length, which is sought around each of some starts.
-    From there planes are fitted by least squares to the points of larger and larger balls, each at the whole number
-    that the planes of the ball before say.
+    Their first gradient is that of most lines (`_gradients`). From each of some starts planes are fitted by least
+    squares to the points of larger and larger balls, each point at the whole number that the planes of the ball before
+    say.
     """
     rows = np.flatnonzero(lines.clear)
     if len(rows) < MIN_CLEAR * len(lines.clear):
@@ -87,20 +85,7 @@ def find_scan_planes(lines: SampleLines, lift: Lift) -> ScanPlanes | None:
                 best, most = planes, _order(heights)
             if most >= SURE:
                 break
-    if not best.any():
-        return None
-    gradient, offset = np.split(_with_points(points, best), [3])
-    return ScanPlanes(lift, gradient, float(offset[0]))
-
-
-def _with_points(points: FloatArray, planes: FloatArray) -> FloatArray:
-    """Return those of the planes (4,) that points (m, 3) lie on: all, or each second or third alone."""
-    for every in (2, 3):
-        phase = _phases(_heights(points, planes) / every).mean()
-        if np.abs(phase) >= PHASE:
-            planes = planes / every
-            planes[3] -= np.angle(phase) / (2 * np.pi)
-    return planes
+    return ScanPlanes(lift, best[:3], float(best[3])) if best.any() else None
 
 
 def _gradients(along: FloatArray, apart: FloatArray, derivatives: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -125,12 +110,9 @@ def _gradients(along: FloatArray, apart: FloatArray, derivatives: FloatArray) ->
 def _grown(points: FloatArray, start: int, apart: float, gradient: FloatArray) -> FloatArray:
     """Return the planes (4,), g and c, of points (m, 3), grown from one of them where lines are so far apart."""
     away = np.linalg.norm(points - points[start], axis=1)
-    near, radius = points[away <= FIRST * apart], FIRST * apart
-    heights = ((near - points[start]) @ gradient) * SCALES[:, np.newaxis]
-    best = int(np.argmax([_order(each) for each in heights]))
-    gradient = gradient * SCALES[best]
-    offset = -np.angle(_phases(heights[best]).mean()) / (2 * np.pi) - points[start] @ gradient
-    planes = np.array([*gradient, offset])
+    radius = FIRST * apart
+    phase = _phases((points[away <= radius] - points[start]) @ gradient).mean()
+    planes = np.array([*gradient, -np.angle(phase) / (2 * np.pi) - points[start] @ gradient])
     while radius < GROWTH * away.max():
         near = points[away <= radius]
         for _ in range(ROUNDS):
