@@ -18,8 +18,9 @@ STARTS = 12
 FIRST, GROWTH = 3.0, 1.4
 """Lines to either side of a start that planes are fitted to first, and times as many in the next round: what the planes
 of a round are off by at the end of the next is a small part of their distance."""
-FEWEST = 8
-"""Points of a plane in the mean: of fewer, as of independent points, some planes go through most."""
+FEW, FEWEST = 3, 8
+"""Planes that there are at least, as all points are near one that is far from the next; and points of each in the mean,
+as of fewer some planes go through most."""
 TURNS = 10
 """Rounds in which the signs of heights' slopes are found."""
 MAX_FITTED = 20_000
@@ -81,8 +82,9 @@ def find_scan_planes(lines: SampleLines, lift: Lift) -> ScanPlanes | None:
         for start in starts:
             planes = _grown(points, int(start), apart[start], gradient)
             heights = _heights(points, planes)
-            if len(rows) >= FEWEST * np.ptp(heights) >= FEWEST * FIRST and _order(heights) >= most:
-                best, most = planes, _order(heights)
+            order = _order(heights) if FEW <= np.ptp(heights) <= len(rows) / FEWEST else 0.0
+            if order >= most:
+                best, most = planes, order
             if most >= SURE:
                 break
     return ScanPlanes(lift, best[:3], float(best[3])) if best.any() else None

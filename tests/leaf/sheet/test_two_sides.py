@@ -90,13 +90,16 @@ def test_sides_are_left_as_they_are_in_few_points():
     assert find_both_sides(np.random.default_rng(0).random((30, 3))) is None
 
 
-def test_columns_that_depend_on_others_leave_the_projection_as_it_is():
+def test_columns_that_depend_on_others_have_the_least_squares_of_least_norm():
     rng = np.random.default_rng(3)
     columns = rng.normal(size=(20, 40, 4))
     values = rng.normal(size=(20, 40))
     twice = np.concatenate([columns, columns[..., :2] - columns[..., 2:]], axis=2)
-    fitted = [column @ np.linalg.lstsq(column, value)[0] for column, value in zip(columns, values, strict=True)]
     for given in (columns, twice):
         basis, weights = _orthonormal(given)
-        np.testing.assert_allclose(given @ weights, basis)
-        np.testing.assert_allclose(values - _beside(basis, values), fitted, atol=tol.ROUNDING)
+        fitted = [np.linalg.lstsq(column, value)[0] for column, value in zip(given, values, strict=True)]
+        np.testing.assert_allclose(given @ weights, basis, atol=tol.ROUNDING)
+        found = (weights @ (basis.mT @ values[..., np.newaxis]))[..., 0]
+        np.testing.assert_allclose(found, fitted, atol=tol.ROUNDING)
+        left = values - (given @ np.array(fitted)[..., np.newaxis])[..., 0]
+        np.testing.assert_allclose(_beside(basis, values), left, atol=tol.ROUNDING)

@@ -10,7 +10,7 @@ from o3dleaf.leaf.margin.scan_planes import Lift, find_scan_planes
 
 PLACES = np.array([[1, 1, 1], [0, 3, 3], [3, 0, 3], [3, 3, 0]]) / [[3], [6], [6], [6]]
 """Places in a triangle, as shares of its corners, at which points may be missing: its middle and those of its sides."""
-ALONG = 0.5
+LIES_ALONG = 0.5
 """Slope against a scanner's planes, of that which is usual, up to which a surface lies along them: where lines are no
 farther apart than elsewhere the sample itself says what is a gap."""
 
@@ -34,6 +34,6 @@ def passed_by_planes(mesh: Triangulation, gaps: BoolArray, lines: SampleLines, s
     first, last = np.ceil(reached.min(axis=1, keepdims=True)), np.floor(reached.max(axis=1, keepdims=True))
     above = np.abs(height - np.clip(np.rint(height), first, last))
     missing = slope * (away - short * lines.steps[nearest]) > 2 * above
-    along = slope[:, 0] <= ALONG / np.median(lines.apart[lines.clear])
+    along = slope[:, 0] <= LIES_ALONG / np.median(lines.apart[lines.clear])
     passed[gaps] = along & ~missing.any(axis=1)
     return passed

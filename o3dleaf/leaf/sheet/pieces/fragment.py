@@ -56,6 +56,8 @@ def _on_boundary(sheets: OpenSheets, places: FloatArray, worth: IntArray) -> tup
     vertices, triangles = sheets.sheet()
     edges = EdgeTable.of(triangles)
     loops = find_holes(vertices, triangles, edges)
+    if not len(loops.edges):  # a closed sheet
+        return 0.0, 0.0
     middles = vertices[edges.ends[loops.edges]].mean(axis=1)
     away, nearest = query(cKDTree(middles), places)
     on_it, of_rim = away <= LINK * sheets.spacing, loops.is_rim[loops.of_edge[nearest]]

@@ -6,11 +6,12 @@ import pytest
 
 from o3dleaf.leaf.sheet.layers.widths import OFF
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets
-from o3dleaf.leaf.sheet.pieces.fragment import is_fragment
+from o3dleaf.leaf.sheet.pieces.fragment import _on_boundary, is_fragment
 from o3dleaf.leaf.sheet.pieces.minimum_cut import Links, minimum_cut
 from o3dleaf.leaf.sheet.pieces.resting import MIN_SHARE, REACH, _facing, _one_over_another, find_resting
 from o3dleaf.leaf.sheet.sheet import find_sheet
 from o3dleaf.samples.leaves.resting import drawn_fragment
+from o3dleaf.surface.mesh.topology import find_holes
 from tolerances import RESTING_WRONG
 
 LENGTH, WIDTH = 40, 24
@@ -54,6 +55,15 @@ def test_or_it_hides_the_leaf():
 def test_what_hangs_on_nothing_is_a_fragment():
     points, links, part = leaf_and_part(LENGTH, begin=3.0)
     assert is_fragment(points, 0.0, links, part, np.zeros(len(part), bool), 1.0)
+
+
+def test_a_closed_sheet_has_no_rim_that_a_seam_could_be_on():
+    height, turn = 1 - np.arange(1, 1000, 2) / 500, np.pi * (3 - np.sqrt(5)) * np.arange(500)
+    across = np.sqrt(1 - height**2)
+    ball = np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
+    sheets = OpenSheets.of(ball, np.zeros(len(ball)), np.sqrt(4 * np.pi / len(ball)))
+    assert not len(find_holes(*sheets.sheet()).edges)
+    assert _on_boundary(sheets, ball[:5], np.ones(5, int)) == (0, 0)
 
 
 @pytest.mark.parametrize("number", [43, 46], ids=["joined", "apart"])
