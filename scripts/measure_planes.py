@@ -36,10 +36,10 @@ def main():
         console.print(f"{number} {what}, {len(points):,} points: without {told[0]}; with {told[1]}")
         errors.append([error for error, _ in found])
         holes.append([max(count - leaf.holes, 0) for _, count in found])
-    away = np.abs(errors)
-    for name, each, false in zip(("without", "with"), away.T, np.sum(holes, axis=0), strict=True):
-        rms, middle = np.sqrt(np.mean(each**2)), np.median(each)
-        console.print(f"{name}: rms {rms:.2%}, median {middle:.2%}, largest {each.max():.2%}, {false} false holes")
+    for name, each, false in zip(("without", "with"), np.abs(errors).T, np.transpose(holes), strict=True):
+        sizes = f"rms {np.sqrt(np.mean(each**2)):.2%}, median {np.median(each):.2%}, largest {each.max():.2%}"
+        many = f"{np.count_nonzero(each > 0.01)} beyond 1 %"
+        console.print(f"{name}: {sizes}, {many}, {false.sum()} false holes on {np.count_nonzero(false)}")
 
 
 def measure(leaf, points, *, planes):
