@@ -23,6 +23,7 @@ from numba.core.dispatcher import Dispatcher
 from threadpoolctl import threadpool_limits
 
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
+from repeats import find_repeats
 
 if sys.platform != "win32":
     import fcntl
@@ -61,6 +62,10 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     gc.disable()
     config.addinivalue_line("markers", "slow: takes long, and runs with --slow only")
+    config.addinivalue_line(
+        "markers",
+        "few(argument=n, ...): cases that repeat values of arguments, or have others than the first n, are slow",
+    )
     for mark in ("skip_xp_backends", "uses_xp_capabilities"):
         config.addinivalue_line(
             "markers", f"{mark}: of SciPy's tests, which tests/fitting/rbf/test_scipy_suite.py runs"
@@ -107,6 +112,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     Slow tests are left out, unless they are asked for.
     """
     items.sort(key=lambda item: len(item.path.parts))
+    for item in [*find_repeats(item for item in items if not is_slow(item))]:
+        item.add_marker("slow")
     config.stash[SLOW_LEFT_OUT] = 0
     if not config.option.slow:
         left_out = [item for item in items if is_slow(item)]

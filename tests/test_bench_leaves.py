@@ -37,6 +37,7 @@ def test_the_truth_has_full_marks(script, scan):
     assert all(marks(script, scan, scan.truth).values())
 
 
+@pytest.mark.few(kind=1)
 @pytest.mark.parametrize("kind", ["curled", "petiole"])
 def test_so_has_the_truth_with_a_hidden_margin(script, kind):
     hidden = scan_leaf(leaf_shape(kind, length=60.0), spacing=1.0, gaps="margin", noise=0.2)
@@ -77,6 +78,7 @@ def test_a_run_prints_marks_and_refusals_and_writes_them(script, scan, monkeypat
     assert [record["refusal"] is None for record in records] == [True, False]
 
 
+@pytest.mark.slow
 def test_the_held_out_leaves_are_others(script):
     cases = script("leaf_cases")
     for kind in cases.KINDS:

@@ -129,6 +129,7 @@ def test_the_errors_of_every_smoothing_are_those_of_refits(script):
     assert all(ratio >= 1 for rule, ratio in measuring.efficiencies(case, 0.1).items() if rule != "this rule")
 
 
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", range(2))
 def test_crossings_of_a_lattice_stand_for_the_area_of_their_leaf(script, seed):
     """They lie on it, two of three coordinates on the lattice; those seen and whole cells are ever fewer."""

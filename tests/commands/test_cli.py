@@ -194,6 +194,7 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_work(run, files,
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.few(frame=1)
 @pytest.mark.parametrize(
     ("frame", "stage", "along"), [("surface", "fit surface", (20, 22)), ("paper", "fit height map", (90, 92))]
 )
@@ -284,6 +285,7 @@ def test_a_patch_tells_its_seam_and_writes_a_block(run, files, tmp_path):
     assert "spacing: acts only with tile-solid" in alone.stderr
 
 
+@pytest.mark.slow
 def test_a_scan_in_text_is_the_same_scan(run, files, tmp_path):
     """Points in other columns, in another format, make the same mesh to the last bit."""
     points = np.asarray(o3d.io.read_point_cloud(files / "scan.ply").points)
@@ -452,6 +454,7 @@ def test_demo_writes_mesh_picture_summary_and_model(run, files, tmp_path):
     assert written == {"leaf.ply", "leaf.png", "leaf.json", "leaf.o3l"}
 
 
+@pytest.mark.few(sent=1)
 @pytest.mark.skipif(sys.platform == "win32", reason="on Windows Ctrl-C is for all who share a console, the tests too")
 @pytest.mark.parametrize(("sent", "code", "word"), [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "terminated")])
 def test_signals_leave_nothing_behind(files, tmp_path, sent, code, word):
@@ -490,6 +493,7 @@ sys.meta_path.insert(0, Finder())
 """
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("wrapped", [False, True], ids=["as it is", "as compiled modules wrap it"])
 @pytest.mark.parametrize(
     "module", ["o3dleaf.commands.cli", "typer", "numpy", "open3d", "o3dleaf.surface.mesh.mesh_report"]

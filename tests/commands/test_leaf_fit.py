@@ -23,6 +23,7 @@ def scan(tmp_path):
     return blade, tmp_path / "scan.ply"
 
 
+@pytest.mark.slow
 def test_what_is_not_held_is_noted_and_drawn(run, scan, monkeypatch, tmp_path):
     blade, file = scan
     monkeypatch.setattr(pipeline, "create_blade", lambda *_, **__: blade)
@@ -80,6 +81,7 @@ def test_places_that_a_camera_did_not_see_are_left_out_and_told(run, scan, monke
     assert summary["scan"] == {"points": len(points), "not_finite": 7}
 
 
+@pytest.mark.slow
 def test_of_a_piece_that_is_asked_for_that_piece_is_measured(run, tmp_path):
     large, small = (
         scan_leaf(leaf_shape("cupped", length=length, width=20), seed=0, spacing=1.1).points for length in (30, 24)

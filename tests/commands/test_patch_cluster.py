@@ -68,6 +68,7 @@ def fit_on(cluster, scan, folder, **given):
     return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
 
 
+@pytest.mark.few(given=1)
 @pytest.mark.parametrize("given", [{}, {"ct_crop": [[0, 30, -300], [700, 700, 200]], "tiles": "wang"}])
 def test_blocks_that_are_done_elsewhere_come_to_the_same_bytes(tmp_path, scan, monkeypatch, given):
     monkeypatch.setitem(extract_tile.__kwdefaults__, "slab_size", 1 << 12)

@@ -37,6 +37,7 @@ def test_all_that_a_run_writes(run, scan, tmp_path):
     assert o3l.mesh_report(o3d.io.read_triangle_mesh(str(mesh))).genus == 1
 
 
+@pytest.mark.few(suffix=1)
 @pytest.mark.parametrize("suffix", [".ply", ".obj"])
 def test_a_mesh_in_place_of_a_cloud_is_told(run, scan, tmp_path, suffix):
     """Its vertices are taken, which may be few and uneven; of a cloud in the same format nothing is said."""
@@ -48,7 +49,7 @@ def test_a_mesh_in_place_of_a_cloud_is_told(run, scan, tmp_path, suffix):
     assert "is a mesh" not in run("reconstruct", scan, "-o", tmp_path / "mesh.ply").stderr
 
 
-def test_a_red_cloud_is_red(run, tmp_path):
+def test_a_red_cloud_is_red(run, small_pictures, tmp_path):
     """In the mesh, in the picture beside it, and in a picture of the mesh."""
     points, normals = samples.Torus().sample(1_500, seed=1)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))

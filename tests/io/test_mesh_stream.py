@@ -145,6 +145,7 @@ def test_the_suffix_may_be_in_capitals_and_must_be_known(solid, tmp_path):
         pass
 
 
+@pytest.mark.few
 @suffixes
 @pytest.mark.parametrize("error", [ValueError("in a worker"), KeyboardInterrupt()])
 @pytest.mark.usefixtures("_threads")

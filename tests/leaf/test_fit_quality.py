@@ -39,6 +39,7 @@ def raised(blade, points, places, chosen, height):
     return points + up * chosen[:, np.newaxis]
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("noise", [0.0, 0.2, 0.5])
 @pytest.mark.parametrize("spacing", [0.3, 0.6, 1.0])
 def test_of_a_good_fit_nothing_is_told(noise, spacing):
@@ -51,6 +52,7 @@ def test_of_a_good_fit_nothing_is_told(noise, spacing):
     assert ("good" in repr(quality)) == (quality.warnings == [])
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.0, 0.2])
 def test_a_patch_off_the_blade_is_told_with_share_and_place(noise):
     points, places = BLADE.scan(SPACING, noise)
@@ -65,6 +67,7 @@ def test_a_patch_off_the_blade_is_told_with_share_and_place(noise):
     assert np.median(quality.distance[patch]) == pytest.approx(2.0, rel=NOISE_OF_NEIGHBORS)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("share", [0.3, 0.5])
 @pytest.mark.parametrize("apart", [0.5, 2.0])
 def test_passes_that_disagree_are_no_noise(share, apart):
@@ -77,6 +80,7 @@ def test_passes_that_disagree_are_no_noise(share, apart):
     assert "scattered" in quality.warnings[0] or str(quality.far_places[0]) in quality.warnings[0]
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.1, 0.5])
 def test_waves_that_a_blade_does_not_follow_are_told_though_no_point_is_far(noise):
     points, places = BLADE.scan(SPACING, noise)
@@ -150,6 +154,7 @@ def test_areas_of_random_scans_err_as_they_are_said_to():
     assert least < np.sqrt(np.mean(np.square(errors))) < most
 
 
+@pytest.mark.few(scale=1)
 @pytest.mark.parametrize(("scale", "share"), [(1e-3, 0.3), (1.0, 1.0)])
 def test_points_that_are_there_twice_change_no_figure(scale, share):
     """What repeats others up to single precision is told by its share, and nothing else."""
@@ -205,6 +210,7 @@ def test_terraces_are_told_in_the_read_out():
     assert quality.to_dict()["rounding"] == {"axis": 2, "step": pytest.approx(3 * SPACING)}
 
 
+@pytest.mark.few(kind=1)
 @pytest.mark.parametrize("kind", ["lobed", "petiole"])
 def test_points_behind_the_edge_are_told_with_the_area_that_they_add(kind):
     """Between the edge of a leaf and what is behind it a scanner sees points, which the blade takes in."""
@@ -305,21 +311,26 @@ def test_the_read_out_of_a_piece_is_that_of_a_scan_of_this_piece():
         FitQuality.of(blade, others)
 
 
-def test_a_piece_that_was_asked_for_is_what_its_blade_is_judged_by(tmp_path):
+@pytest.mark.few(piece=1)
+@pytest.mark.parametrize("piece", [2, 1])
+def test_a_piece_that_was_asked_for_is_what_its_blade_is_judged_by(piece, tmp_path):
     large, small = (
         scan_leaf(leaf_shape("cupped", length=length, width=20), seed=0, spacing=1.1).points for length in (30, 24)
     )
     points = np.concatenate([small + [0, 60, 0], large])
-    for piece, own, other in ((1, large, small), (2, small, large)):
-        blade = create_blade(points, unit="mm", options=BladeOptions(piece=piece))
-        quality = FitQuality.of(blade, points)
-        assert len(quality.rows) == len(own)
-        assert (quality.others, quality.warnings) == (len(other), [])
-        said = [note for note in blade.notes if "other pieces" in note]
-        (line,) = said
-        assert f"piece {piece}: {len(other):,} of the scan's {len(points):,} points" in line
-        write_model(blade, tmp_path / "blade.o3l")
-        assert FitQuality.of(load(tmp_path / "blade.o3l"), points).to_dict() == quality.to_dict()
+    own, other = ((large, small), (small, large))[piece - 1]
+    blade = create_blade(points, unit="mm", options=BladeOptions(piece=piece))
+    quality = FitQuality.of(blade, points)
+    assert len(quality.rows) == len(own)
+    assert (quality.others, quality.warnings) == (len(other), [])
+    (line,) = (note for note in blade.notes if "other pieces" in note)
+    assert f"piece {piece}: {len(other):,} of the scan's {len(points):,} points" in line
+    write_model(blade, tmp_path / "blade.o3l")
+    assert FitQuality.of(load(tmp_path / "blade.o3l"), points).to_dict() == quality.to_dict()
+
+
+def test_the_piece_of_a_scan_of_one_is_the_scan():
+    small = scan_leaf(leaf_shape("cupped", length=24, width=20), seed=0, spacing=1.4).points
     assert create_blade(small, unit="mm", options=BladeOptions(piece=1)).notes == create_blade(small, unit="mm").notes
 
 

@@ -16,6 +16,7 @@ from o3dleaf.samples.leaves.leaf_scan import scan_leaf
 KINDS = ("curled", "eaten", "lobed", "cupped", "petiole", "layers")
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("how", [{}, {"noise": 0.5, "passes": 2}, {"pattern": "lines"}], ids=str)
 def test_a_surface_has_no_less_than_its_least_area(kind, how):

@@ -83,6 +83,7 @@ def whole(leaf):
     return made
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("method", ["cubes", pytest.param("tetrahedra", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("region", [[[5.03, -1.07], [8.9, 1.9]], [[7.0, -1.0], [9.0, 1.0]], [[4.5, -0.35], [4.9, 0.1]]])
@@ -209,6 +210,7 @@ def test_a_blend_is_each_of_its_patches_away_from_the_break(leaf, whole, blend_l
     assert np.abs(leaf(blend[along > 11])).max() > 0.05
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("how", [{"simplify": 0.5}, {"simplify": 0.8}, {"remesh_tile": 0.2}])
 def test_a_reduced_leaf_keeps_its_shape_with_fewer_triangles(leaf, whole, closed, how):
@@ -252,6 +254,7 @@ def test_what_cannot_be_meant_is_refused(leaf, how, words):
         leaf.plan_mesh(0.2, **how)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("suffix", [".ply", ".stl", ".obj"])
 @pytest.mark.parametrize("closed", [False, True])
 def test_what_was_counted_is_what_is_made(leaf, tmp_path, suffix, closed):
@@ -458,6 +461,7 @@ def test_a_window_that_is_no_finer_than_what_is_around_it_is_refused(leaf):
         leaf.extract_levels(0.1, [([[8, -1], [10, 1]], 0.09)])
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("together", [True, False])
 @pytest.mark.parametrize("method", [0, 1])
 def test_tiles_made_before_the_blade_are_those_that_are_made_after(together, method):

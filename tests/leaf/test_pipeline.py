@@ -118,6 +118,7 @@ def test_the_blade_of_the_real_leaf_without_a_midrib(wheat, frame, every):
     check_blade(create_blade(scan, options=BladeOptions(frame=frame)), scan)
 
 
+@pytest.mark.slow
 def test_the_height_map_of_the_real_leaf_is_not_steep(paper_blade):
     plane = paper_blade.flatten(np.asarray(paper_blade.extract_mesh(0.2).vertices))[:, :2]
     assert np.percentile(np.linalg.norm(paper_blade.height_map.gradient(plane), axis=1), 99) <= 1.2
@@ -140,6 +141,7 @@ def test_the_multiscale_leaf_is_two_clean_sheets(leaf):
     assert report.area > 2 * 0.95 * leaf.blade.outline.area
 
 
+@pytest.mark.slow
 def test_g_is_zero_at_the_vertices_and_falls_with_the_square_of_the_spacing_between_them(leaf):
     window = [[100, -0.2], [100.4, 0.2]]
     spacings, errors = np.array([0.025, 0.018, 0.0125]), []  # below the voxels', so that hairs are resolved
@@ -179,6 +181,7 @@ def test_the_synthetic_leaf_is_recovered(frame):
     assert np.quantile(off, 0.95) < 0.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frame", MAIN_FRAME)
 def test_the_result_does_not_depend_on_the_number_of_threads(texture, frame):
     sample, before, found = wheat_scan(count=500), o3l.get_num_threads(), []
@@ -215,6 +218,7 @@ def test_options_reach_their_stage(wheat):
         create_texture(wheat_ct()[0], options=TextureOptions(rho="best"))
 
 
+@pytest.mark.slow
 def test_a_dense_scan_makes_the_leaf_of_its_means(monkeypatch):
     """Midrib, frame and height map of fewer points lie within the noise of those of all; the outline has all points."""
     scan = np.asarray(wheat_scan(count=2000).cloud.points)

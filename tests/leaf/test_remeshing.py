@@ -119,6 +119,7 @@ def test_an_open_leaf_keeps_its_border_bit_for_bit(leaf, sheet):
     assert angles(found, corners[middle]).min() > 10
 
 
+@pytest.mark.slow
 def test_a_leaf_does_not_depend_on_threads(leaf, monkeypatch):
     monkeypatch.setattr(blocks, "MAX_TRIANGLES", 250)
     threads, found = get_num_threads(), []

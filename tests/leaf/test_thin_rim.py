@@ -67,6 +67,7 @@ def flat_of(plan):
     return FlatMesh(arrays.vertices, arrays.triangles, arrays.labels)
 
 
+@pytest.mark.few(radius=2)
 @pytest.mark.parametrize(("radius", "step"), [(0.1, 0.13), (0.3, STEP), (0.3, 0.06), (1.0, 0.08)])
 def test_a_hairy_solid_with_a_tapered_rim_is_embedded(hairs, radius, step):
     leaf = leaf_with(hairs, radius)
@@ -170,6 +171,7 @@ def test_a_region_whose_sides_pass_through_the_rim_is_embedded(leaf, closed):
     assert report.self_intersections == 0
 
 
+@pytest.mark.slow
 def test_a_remeshed_solid_is_embedded(leaf):
     """Its rim is thinner than its triangles are long, and hairs lean over it."""
     report = mesh_report(leaf.extract_mesh(0.13, [[9.65, 1.0], [10.35, 2.3]], closed=True, remesh=0.13))

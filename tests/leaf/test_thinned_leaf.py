@@ -68,6 +68,7 @@ def test_the_solid_is_closed_and_its_faces_lie_on_the_field(leaf, solid):
     assert off.max() < STEP
 
 
+@pytest.mark.slow
 def test_wang_tiles_fit_where_hairs_are_removed(wang):
     leaf = on_strip(thinned(wang, HALF))
     made = leaf.plan_mesh(STEP, [[1.0, -2.0], [5.0, 2.0]], closed=True).extract()
@@ -148,6 +149,7 @@ def placed(tiles, leaf, box, *, closed):
     return arrays.vertices, len(arrays.triangles)
 
 
+@pytest.mark.few(step=1)
 @pytest.mark.parametrize("step", [STEP, 2.5 * STEP])
 @pytest.mark.parametrize("closed", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_finer_window_has_no_crack_and_the_hairs_of_the_finer_mesh(leaf, solid, step, closed):
@@ -178,6 +180,7 @@ def test_a_mesh_coarser_than_the_data_is_closed_and_has_no_hair_that_is_gone(til
     assert cKDTree(hairs_of(leaf, solid.mesh.vertices)).query(full)[0].max() > 2 * RADIUS + step
 
 
+@pytest.mark.slow
 def test_a_window_is_part_of_the_whole_and_a_file_has_what_is_extracted(leaf, solid, tmp_path):
     whole, window = (leaf.extract_mesh(STEP, region) for region in (None, [[3.0, -1.0], [6.0, 1.0]]))
     places = {row.tobytes() for row in np.asarray(whole.vertices)}
@@ -272,6 +275,7 @@ def remeshed(request, leaf):
     return plan, plan.extract(remesh=request.param)
 
 
+@pytest.mark.slow
 def test_a_remeshed_leaf_is_a_solid_whose_faces_lie_on_the_field(leaf, remeshed):
     made = remeshed[1]
     report = mesh_report(made.mesh)

@@ -67,6 +67,7 @@ def test_what_is_streamed_is_what_is_extracted(solid, tmp_path):
     assert (tmp_path / "leaf.ply").stat().st_size == solid.bytes(tmp_path / "leaf.ply")
 
 
+@pytest.mark.slow
 def test_tiles_are_simplified_each_by_itself(leaf, solid):
     plan = leaf.plan_mesh(STEP, closed=True, simplify=0.5)
     assert plan.triangles < solid.triangles
@@ -87,6 +88,7 @@ def test_the_block_of_a_tile_is_the_torus_of_all(leaf):
     assert np.allclose(np.ptp(vertices[:, :2], axis=0), 4 * leaf.texture.period)
 
 
+@pytest.mark.few(frame=1)
 @pytest.mark.parametrize("closed", [pytest.param(False, marks=pytest.mark.slow), True])
 @pytest.mark.parametrize("frame", FRAMES)
 def test_a_window_is_as_fine_as_it_is_to_be_and_what_is_around_it_stays(tiles, frame, closed):
@@ -113,6 +115,7 @@ def test_a_window_is_as_fine_as_it_is_to_be_and_what_is_around_it_stays(tiles, f
     assert all(row.tobytes() in plain for row in vertices[around])
 
 
+@pytest.mark.slow
 def test_a_closed_solid_of_the_paper_has_a_rim_and_its_faces_lie_on_the_field(tiles):
     leaf = leaf_of(tiles, bend=15.0, length=8.0, frame="paper")[0]
     plan = leaf.plan_mesh(STEP, closed=True)
@@ -141,6 +144,7 @@ def scattered(leaf):
     return leaf.blade.lift(flat)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_distances_are_those_to_a_fine_mesh(leaf, scattered, closed):
     """As those of a periodic leaf: but for places to which several feet are near, which the mesh is off by."""
@@ -165,6 +169,7 @@ def test_closest_points_lie_on_the_field_and_at_the_distance(leaf, scattered):
     assert np.abs(leaf(feet) / np.linalg.norm(leaf.gradient(feet), axis=1)).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_remeshed_leaf_has_good_triangles_on_the_field(leaf):
     region, edge = [[1.2, -1.0], [4.6, 1.2]], 0.15
     made = leaf.plan_mesh(STEP, region, closed=True).extract(remesh=edge)

@@ -45,6 +45,7 @@ def test_outside_is_the_nearest_value_less_the_distance_in_blurs_of_leaf(truth):
     assert truth(corner + np.array([3.0, 4.0, 0.0]))[0] == pytest.approx(truth(corner)[0] - lost, rel=ROUNDING)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("spacing", [24.0, 12.0])
 def test_two_sheets_and_closed_pockets(seed, spacing):
@@ -61,6 +62,7 @@ def test_two_sheets_and_closed_pockets(seed, spacing):
     assert sizes.max() > 0.999 * sizes.sum()
 
 
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_noise_and_drift_connect_nothing(seed):
     volume, _ = wheat_ct(seed=seed)

@@ -66,6 +66,7 @@ def all_around(level, box, step):
     return lattice.positions(crossings), triangles
 
 
+@pytest.mark.few(kind=3)
 @pytest.mark.parametrize(("kind", "size"), [(fins, 0.15), (gap, 0.15), (fold, 0.15), (bumps, 0.045)])
 def test_values_far_from_the_surface_change_nothing(kind, size, monkeypatch):
     asked = []

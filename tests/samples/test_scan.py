@@ -84,6 +84,7 @@ def test_it_is_a_wheat_leaf(sample):
     assert flat < truth.area < 1.1 * flat
 
 
+@pytest.mark.few(noise=2)
 @pytest.mark.parametrize("noise", [0.0, 0.1, 0.2])
 def test_noise_is_what_it_says(noise):
     cloud, _, truth = wheat_scan(seed=1, noise=noise, misregistration=0.0)

@@ -57,6 +57,7 @@ def write_small_samples(folder):
     write_volume(wheat_ct(size=(720, 720, 480))[0], folder / PATCH)
 
 
+@pytest.mark.slow
 def test_it_has_all_that_the_main_jobs_call(tmp_path):
     """Otherwise `scripts/list_compiled.py --write` makes it anew."""
     write_small_samples(tmp_path)

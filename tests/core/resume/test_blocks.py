@@ -140,6 +140,7 @@ def torus(path):
     return path
 
 
+@pytest.mark.slow
 def test_a_reconstruction_goes_on_within_its_fit_and_within_its_surface(tmp_path, monkeypatch):
     """Stopped first in the fit, then after it."""
     job = ReconstructJob(torus(tmp_path / "cloud.ply"), tmp_path / "mesh.ply", resume=True)

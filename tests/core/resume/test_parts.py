@@ -95,6 +95,7 @@ def test_a_key_knows_the_files_in_folders_of_a_folder(tmp_path):
     assert before != key_of([tmp_path / "a.zarr"], {})
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("suffix", [".ply", ".stl", ".obj"])
 @pytest.mark.parametrize("rows", [1, 2])
 def test_a_streamed_leaf_goes_on_after_its_finished_rows(suffix, rows, tmp_path, monkeypatch):

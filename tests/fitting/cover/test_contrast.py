@@ -11,7 +11,8 @@ from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from tolerances import CLUSTER_ERROR
 
 
-@pytest.mark.parametrize(("d", "ratio"), [(3, 1e3), (3, 1e4), (3, 1e5), (3, 1e7), (2, 1e3), (2, 1e7)])
+@pytest.mark.few(d=2)
+@pytest.mark.parametrize(("d", "ratio"), [(3, 1e7), (2, 1e7), (3, 1e3), (3, 1e4), (3, 1e5), (2, 1e3)])
 def test_a_dense_cluster_does_not_spoil_what_is_around_it(d, ratio):
     """Its noise says nothing of a slope beyond it: errors are those of the points around alone, to a fifth."""
     rng = np.random.default_rng(0)

@@ -164,6 +164,7 @@ def test_a_flat_half_is_smoothed_more_than_a_rough_one_and_both_come_nearer_to_t
     assert np.median(flat) > 10 * np.median(rough)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("share", [0.0, 0.5])
 @pytest.mark.parametrize("weighted", [False, True])
 def test_a_ball_that_chooses_on_its_way_to_its_fit_is_fitted_with_what_it_would_have_chosen_before(weighted, share):

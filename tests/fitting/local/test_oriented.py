@@ -52,6 +52,7 @@ def fit(points, normals, local="hermite", **options):
     return PUInterpolant.fit_oriented(points, normals, local=local, bounds=BOX, **options)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("kernel", ["cubic", "quintic"])
 @pytest.mark.parametrize("smoothing", [0.0, 1e-4])
 def test_blended_hermite_equals_its_literal_twin(kernel, smoothing):

@@ -120,18 +120,21 @@ def efficiency(d, level, seed, count, size):
     return error(chosen) / min(error(chosen * x) for x in np.geomspace(0.01, 100, 13))
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("d", [2, 3])
 def test_over_several_balls_the_error_is_within_a_tenth_of_the_best(d, level):
     assert max(efficiency(d, level, seed, 1500, (75, 150)) for seed in SEEDS) < GCV_EFFICIENCY
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("d", [2, 3])
 def test_in_one_ball_of_300_points_the_error_is_within_a_tenth_of_the_best_on_average(d, level):
     assert np.mean([efficiency(d, level, seed, 300, 300) for seed in range(8)]) < GCV_EFFICIENCY
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "fall"), [pytest.param(*each, marks=[pytest.mark.slow] * (each[0] < 0.01)) for each in CT_FALL.items()]
 )

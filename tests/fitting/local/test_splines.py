@@ -6,6 +6,7 @@ import pytest
 from o3dleaf import PUInterpolant
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("rho", [1e-3, "gcv-per-ball"])
 @pytest.mark.parametrize(
     "rows", [[0, 2, 4], [2, 1, 0], [0, 1, 2, 3], ["one of the others"], [0, "one of the others", 2], [-1, 0]]

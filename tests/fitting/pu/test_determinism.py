@@ -53,6 +53,7 @@ def test_every_size_of_a_block_of_queries_is_varied_here():
     assert sorted(named, key=str) == sorted(SIZES, key=str)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize(("module", "name"), SIZES, ids=lambda part: getattr(part, "__name__", part))
 @pytest.mark.parametrize("block", [7, 1000])
 def test_no_single_size_changes_a_bit(module, name, block, monkeypatch):
@@ -63,7 +64,8 @@ def test_no_single_size_changes_a_bit(module, name, block, monkeypatch):
     assert everything(field, queries) == before
 
 
-@pytest.mark.parametrize("block", [1, 7, 1000, 10**6])
+@pytest.mark.few(block=3)
+@pytest.mark.parametrize("block", [7, 1000, 10**6, 1])
 def test_the_blocks_do_not_change_a_bit(block, monkeypatch):
     points, values, queries = data()
     field = PUInterpolant.fit(points, values, points_per_ball=80)

@@ -25,6 +25,7 @@ def noisy(d, count=120, seed=4):
 CASES = [(1, 1, 0), (3, 1, 1), (2, 2, 1), (3, 2, 1), (1, 3, 0), (3, 3, 2)]
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("weighted", [False, True])
 @pytest.mark.parametrize("smoothing", [0.0, 1e-3, 0.3])
 @pytest.mark.parametrize(("power", "d", "degree"), CASES)

@@ -60,6 +60,7 @@ def test_values_gradients_and_hessians_are_leibniz_s_rule_written_out(power, d):
         assert_close(found, expected, HESSIAN_TWIN)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("tail", [True, False], ids=["tail", "no tail"])
 @pytest.mark.parametrize(("power", "d"), SMOOTH_KERNELS)
 def test_the_hessian_is_the_difference_of_the_gradient(power, d, tail):

@@ -42,6 +42,7 @@ def everywhere(field, points, queries):
     return np.vstack([inside, points[:20], field.cover.centers[:20]])
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("rule", [{}, {"smoothing": 0.2}], ids=["exact", "smoothed"])
 @pytest.mark.parametrize(("power", "d"), [(1, 1), (3, 1), (2, 2), (4, 2), (3, 2), (1, 3), (3, 3), (5, 3), (2, 4)])
 def test_it_equals_the_literal_double_loop(power, d, rule):

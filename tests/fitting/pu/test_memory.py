@@ -45,6 +45,7 @@ def working_memory(call, queries, dtype):
         tracemalloc.stop()
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("name", ["__call__", "gradient", "hessian"])
 def test_it_does_not_grow_with_the_number_of_queries(field, name, dtype, monkeypatch):

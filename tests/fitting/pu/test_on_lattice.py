@@ -79,6 +79,7 @@ def test_what_cannot_be_meant_is_refused(bounds, spacing, error, words):
         fitted(3).on_lattice(bounds, spacing)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("kernel", ["cubic", "quintic", "linear"])
 @pytest.mark.parametrize("origin", [[0.0] * 3, [0.37, -11.2, 4.0]])
 def test_rough_values_on_the_voxels_lattice_are_within_their_error(kernel, origin):

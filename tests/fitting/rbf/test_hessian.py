@@ -29,6 +29,7 @@ def assert_close(found, expected, share):
     np.testing.assert_allclose(found, expected, rtol=0, atol=share * np.abs(expected).max())
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("more", [0, 1], ids=["usual tail", "longer tail"])
 @pytest.mark.parametrize(("power", "d"), SMOOTH_KERNELS)
 def test_gradient_and_hessian_are_the_formula_written_out_at_data_sites_too(power, d, more):
@@ -43,6 +44,7 @@ def test_gradient_and_hessian_are_the_formula_written_out_at_data_sites_too(powe
     assert_close(field.hessian(at), np.array([hessian for _, _, hessian in jets]), FIELD_TWIN)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("tail", [True, False], ids=["tail", "no tail"])
 @pytest.mark.parametrize(("power", "d"), SMOOTH_KERNELS)
 def test_the_hessian_is_the_difference_of_the_gradient_and_symmetric(power, d, tail):

@@ -196,6 +196,7 @@ def test_weights_that_tell_the_noise_lead_to_the_better_fit():
     assert error(chosen.smoothing.value) < GCV_EFFICIENCY * best
 
 
+@pytest.mark.few
 @pytest.mark.parametrize(("power", "d"), [(1, 1), (2, 1), (3, 1), (2, 2), (3, 2)])
 @pytest.mark.parametrize("frequency", [0.5, 1.0, 2.0])
 def test_a_bandwidth_of_h_halves_the_waves_of_frequency_1_over_h(power, d, frequency):

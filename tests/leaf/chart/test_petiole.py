@@ -67,6 +67,7 @@ def test_lines_of_a_scan_are_joined_and_stand_for_its_area(ratio):
     assert ways.cells.sum() == pytest.approx(leaf.area, rel=tol.AREA_OF_CELLS)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("stub", [0.0, 8.0])
 @pytest.mark.parametrize("thickness", [2.0, 4.0])
 def test_a_flat_petiole_is_cut_off_at_the_blade_with_its_stub(stub, thickness):
@@ -80,6 +81,7 @@ def test_a_flat_petiole_is_cut_off_at_the_blade_with_its_stub(stub, thickness):
     assert "petiole: 4" in str(petiole)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize(("spacing", "noise"), [(0.6, 0.5), (0.9, 0.0), (0.9, 0.2)])
 @pytest.mark.parametrize("shape", [{}, {"stub": 8.0, "stalk": 25.0}, {"width": 60.0, "length": 60.0, "arch": 0.0}])
 def test_a_round_petiole_ends_where_the_blade_begins(shape, spacing, noise):
@@ -108,6 +110,7 @@ def seen(arc, diameter, length, spacing, noise, seed=0):
     return [each + rng.normal(0, noise, each.shape) for each in (blade, stalk)]
 
 
+@pytest.mark.few(arc=2)
 @pytest.mark.parametrize(
     ("arc", "diameter", "length", "spacing", "noise"),
     [(135, 2.0, 20.0, 0.3, 0.0), (150, 2.0, 20.0, 0.4, 0.05), (150, 1.3, 34.0, 0.55, 0.15)],
@@ -122,6 +125,7 @@ def test_a_petiole_that_is_seen_from_one_side_is_found(arc, diameter, length, sp
         assert np.mean(~kept[len(blade) :]) > 0.85
 
 
+@pytest.mark.few(kind=1)
 @pytest.mark.parametrize(
     ("kind", "angle", "length", "width", "spacing", "seed"),
     [("twisted", 220, 170, 11, 0.65, 2), ("winding", 80, 170, 6, 0.5, 11), ("wavy", 70, 130, 6, 0.5, 2)],
@@ -202,6 +206,7 @@ def test_few_points_that_lie_wide_part_no_stalk_and_many_do():
     assert many.last == 20
 
 
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", range(3))
 def test_strays_hide_no_petiole(seed):
     """One point of a hundred lies anywhere around the leaf: beside the petiole, and as an end of its own."""
@@ -289,6 +294,7 @@ TIPS = {
 }
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("noise", [0.0, 0.5])
 @pytest.mark.parametrize("tip", TIPS)
 def test_a_tip_is_no_petiole(tip, noise):
@@ -324,6 +330,7 @@ LOBED = {
 }
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("leaf", LOBED)
 def test_lobes_are_no_petiole(leaf, seed):
@@ -345,6 +352,7 @@ def test_from_within_a_finger_all_others_are_ends():
     assert np.linalg.norm(ends[:, np.newaxis] - 60 * along[1:], axis=2).min(axis=0).max() < tol.FINGER_END
 
 
+@pytest.mark.few(length=1)
 @pytest.mark.parametrize("length", [40.0, 60.0])
 def test_the_petiole_of_a_palmate_leaf_is_found_beside_its_lobes(length):
     """Also if it is none of the two ends that are farthest apart."""

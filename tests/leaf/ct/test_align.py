@@ -37,6 +37,7 @@ def degrees_between(A, B):
     return np.degrees(Rotation.from_matrix(A @ B.T).magnitude())
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("angles", [(7, -5, 20), (3, 2, -40), (-12, 6, 35)])
 def test_a_known_turn_is_recovered(angles, seed):
@@ -53,6 +54,7 @@ TALL = (70, 70, 64)
 """Voxels of a holder in which a blade that leans by 30° still passes from side to side."""
 
 
+@pytest.mark.few(angles=1)
 @pytest.mark.parametrize("angles", [(30, -30, 30), (-29, 26, -25)])
 def test_a_turn_of_thirty_degrees_about_every_axis_is_recovered(angles):
     volume, R = turned(angles, shape=TALL)

@@ -10,6 +10,7 @@ from o3dleaf.samples import wheat_ct
 LEVEL = 0.095
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.0, 0.03])
 def test_none_is_cut_in_a_whole_patch(noise):
     for seed in range(3):

@@ -59,6 +59,7 @@ def test_where_the_blade_ends_the_box_stays_half_its_thickness_away(order):
     assert "ends in it" in patch.cut[0]
 
 
+@pytest.mark.few(degrees=1)
 @pytest.mark.parametrize("degrees", [0, 10, 30])
 def test_of_a_sample_that_lies_askew_the_box_is_blade_all_over(degrees):
     data = rotate(island(), degrees, axes=(0, 1), order=1)

@@ -14,6 +14,7 @@ from tolerances import MIXTURE_LEVEL, ROUND_LEVEL
 METHODS = ["mixture", "valley", "otsu"]
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.025])
 def test_between_the_peaks_of_a_noisy_drifting_leaf(method, noise):
@@ -64,6 +65,7 @@ def test_air_that_the_scanner_set_to_zero_counts_as_air():
     assert 0 < histogram_threshold(data) < 170
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", ["normal", "uniform", "exponential"])
 def test_one_peak_is_refused(method, name):
@@ -85,12 +87,14 @@ def test_an_unknown_method_is_refused():
         histogram_threshold(np.arange(10.0), "magic")
 
 
+@pytest.mark.few(noise=2)
 @pytest.mark.parametrize("noise", [0.0, 0.003, 0.01, 0.06])
 def test_the_mixture_s_level_is_the_surface_s_at_every_noise(noise):
     volume, truth = wheat_ct(seed=1, noise=noise, drift=0.0)
     assert abs(volume.threshold() - truth.level) < MIXTURE_LEVEL * 2 * truth.level
 
 
+@pytest.mark.few(sign=2)
 @pytest.mark.parametrize(("sign", "noise"), [(1, 0.0), (1, 0.05), (-1, 0.0), (-1, 0.05)])
 def test_the_level_is_the_surface_s_where_it_is_round(sign, noise):
     # A ball of four voxels, or its hole: parallel surfaces grow outward, and one class is a hundredth of the volume.
@@ -120,6 +124,7 @@ def test_a_mixture_is_found_from_its_histogram():
     assert np.abs(found.weights - weights).max() < 0.03
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("kind", [np.uint8, np.int16, np.float32, ">u2"])
 def test_the_level_does_not_depend_on_the_type_that_holds_the_intensities(kind, method):

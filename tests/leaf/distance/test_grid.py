@@ -43,6 +43,7 @@ def read_nrrd(path):
     return SimpleITK.GetArrayFromImage(image).T, np.array(image.GetOrigin()), np.array(image.GetSpacing())
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("what", ["field", "distance", "mask"])
 @pytest.mark.parametrize(("suffix", "read"), [(".vti", read_vti), (".nrrd", read_nrrd)])
 def test_a_grid_read_back_holds_the_leaf(leaf, tmp_path, monkeypatch, suffix, read, what):

@@ -89,12 +89,14 @@ def test_its_sign_is_that_of_g_and_its_feet_lie_at_it(leaf, places):
     assert np.allclose(np.linalg.norm(feet - x, axis=1), np.abs(found))
 
 
+@pytest.mark.slow
 def test_with_a_map_of_ones_it_is_that_of_all_hairs_to_the_bit(tiles, half, leaf, places):
     x = around(leaf, np.concatenate(list(places.values())), seed=4)
     ones, full = on_strip(thinned(tiles, [[1.0]], zones=half.zones)), on_strip(tiles)
     assert np.array_equal(ones.signed_distance(x), full.signed_distance(x))
 
 
+@pytest.mark.slow
 def test_it_depends_on_neither_company_nor_threads(leaf, places, monkeypatch):
     x = around(leaf, np.concatenate(list(places.values())), seed=5)
     expected = leaf.signed_distance(x)
@@ -120,6 +122,7 @@ def test_at_vertices_of_a_mesh_it_is_zero(leaf):
     assert np.abs(leaf.signed_distance(vertices[off <= ON_SURFACE * STEP])).max() < AT_VERTICES
 
 
+@pytest.mark.slow
 def test_a_void_in_a_hair_is_filled_where_the_hair_stands_and_air_where_it_is_gone():
     leaf, tiles, kept = hollow_leaf()
     assert 0 < kept.sum() < len(kept)

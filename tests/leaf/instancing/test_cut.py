@@ -53,6 +53,7 @@ def facets(found, keep=None):
     return rows[np.lexsort(rows.T)]
 
 
+@pytest.mark.few
 @both
 @pytest.mark.parametrize("sides", [outline() / 2, eaten()], ids=["whole", "eaten"])
 @pytest.mark.parametrize("field", [layer, solid_layer])
@@ -108,6 +109,7 @@ def test_the_sheets_cover_what_the_chords_of_the_margin_enclose(method):
     assert expected == pytest.approx(area(sides[:90]) - area(sides[90:]), rel=2e-3)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("across", [0.16, 0.6])
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4])
@@ -129,6 +131,7 @@ def test_a_strip_far_away_has_its_area(closed, across, turn):
         assert report.area / 2 == pytest.approx(4.0 * across, rel=0.05)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (6, 1), (2, 1)])
 def test_one_cell_to_a_period_is_enough(closed, shape):
@@ -140,6 +143,7 @@ def test_one_cell_to_a_period_is_enough(closed, shape):
     assert (report.components, report.boundary_loops, report.genus) == ((1, 0, 0) if closed else (2, 2, 0))
 
 
+@pytest.mark.few(off=1)
 @pytest.mark.parametrize("off", [0.0, 1e-7, 1e-5])
 def test_corners_on_columns_of_the_lattice_make_no_triangles_cross(off):
     """Corners of polygons on its columns, or so many steps from them: slivers there are as thin as rounding makes."""

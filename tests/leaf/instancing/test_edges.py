@@ -29,6 +29,7 @@ def summary(found):
     return report
 
 
+@pytest.mark.few
 @both
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (6, 1), (2, 1)])
@@ -50,6 +51,7 @@ def test_a_block_of_one_cell_is_closed(shape):
     assert report.volume > 0
 
 
+@pytest.mark.few
 @both
 @pytest.mark.parametrize("closed", [False, True])
 def test_a_hole_in_the_outline_is_a_hole_in_the_mesh(method, closed):
@@ -66,6 +68,7 @@ def test_a_hole_in_the_outline_is_a_hole_in_the_mesh(method, closed):
         assert report.boundary_loops == 4
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("across", [0.16, 0.6])
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4])

@@ -74,6 +74,7 @@ def are_apart(pair):
     return bool(np.any((low[0] > high[1]) | (low[1] > high[0])))
 
 
+@pytest.mark.few
 @pytest.mark.parametrize(
     "ratios", [(3, 2), (2, 3), *(pytest.param(each, marks=pytest.mark.slow) for each in ((4, 2), (2, 4)))]
 )

@@ -274,6 +274,7 @@ def test_an_outline_of_two_parts_and_one_without_a_cell_are_refused():
         assemble(tile, 0.001 * sides)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("kind", ["simplified", "remeshed"])
 def test_a_reduced_tile_fits_its_copies_and_the_tiles_that_are_cut(kind, closed):

@@ -35,6 +35,7 @@ def rms_to_truth(height):
     return np.sqrt(np.mean((height(plane) - truth(plane)) ** 2))
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.03, 0.1, 0.3])
 def test_the_error_of_a_smoothed_scan_is_well_below_its_noise(noise):
     points = scan(np.random.default_rng(0), noise=noise)

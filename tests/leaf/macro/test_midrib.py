@@ -65,6 +65,7 @@ def local_half_width(leaf, along):
     return np.array([np.ptp(np.quantile(each, (0.02, 0.98))) / 2 for each in near])
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("noise", [0.0, pytest.param(0.02, marks=pytest.mark.slow), 0.05])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_axis_of_an_elongated_leaf_is_found_within_half_its_local_width(shape, noise):
@@ -91,6 +92,7 @@ def test_the_wheat_leaf_has_its_midrib_found_within_half_its_width(real_scan):
     assert np.linalg.norm(found[0] - picked[0]) < np.linalg.norm(found[-1] - picked[0])
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize("noise", [0.05, 0.2])
 def test_synthetic_leaves_have_their_midrib_found(seed, noise):
@@ -136,6 +138,7 @@ def stalked(aspect, petiole, outline):
     return points + 0.1 * rng.normal(size=points.shape)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("petiole", [0.0, 1.0, 2.0])
 @pytest.mark.parametrize(
     "outline", [lambda u: np.sqrt(u * (1 - u)) * 2, lambda u: 1 - u], ids=["elliptical", "triangular"]
@@ -151,6 +154,7 @@ def test_a_handful_of_points_is_refused():
         find_midrib(np.random.default_rng(2).uniform(0, 1, (10, 3)))
 
 
+@pytest.mark.few(count=1)
 @pytest.mark.parametrize("count", [50, 100, 300])
 def test_a_sparse_scan_has_a_midrib_too(count):
     points, axis, half = elongated(taper=0.8, count=4000)

@@ -22,6 +22,7 @@ def averages(points, turn, origin):
     return (sums / np.bincount(voxel)[:, None] @ turn)[:, :2]
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.0, 0.3])
 def test_more_points_along_an_edge_move_it_out_by_as_much_as_their_scores(noise):
     """Independent points of density 1 inside 0, and an excess of 0.4 for each length: where the scores sum to ℓ."""
@@ -36,6 +37,7 @@ def test_more_points_along_an_edge_move_it_out_by_as_much_as_their_scores(noise)
     assert abs(roots[1] - roots[0] - crowded(np.array([noise]), excess)[0]) < CROWDED
 
 
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", range(3))
 def test_averages_of_voxels_end_where_the_leaf_does(seed):
     """Each voxel of three spacings that the leaf reaches into has one point: the area of the leaf is no larger."""

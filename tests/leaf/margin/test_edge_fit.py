@@ -32,6 +32,7 @@ DISC = shapely.Point(0, 0).buffer(RADIUS, quad_segs=256)
 NO_TIPS = np.empty((0, 2))
 
 
+@pytest.mark.few(noise=2)
 @pytest.mark.parametrize("noise", [0.0, 0.2, 0.5])
 def test_a_straight_edge_comes_out_where_the_tables_say_and_as_far_off_as_they_say(noise):
     """By simulation: a half plane of independent points that ends at 0; the scores sum up to the length of its edge."""
@@ -62,6 +63,7 @@ def edge_of_disc(radius, noise, seed, randomness=1.0):
     return EdgeSample(Spacing(cKDTree(points), np.ones(count)), noise, randomness, shapely.MultiPolygon())
 
 
+@pytest.mark.few(noise=2)
 @pytest.mark.parametrize("noise", [0.0, 0.2, 0.5])
 def test_the_edge_of_a_disc_is_off_by_its_curvature_as_the_table_says(noise):
     """The density at a radius, blurred: a Gaussian about each place of the disc, in polar coordinates."""
@@ -111,6 +113,7 @@ def test_the_lengths_of_nodes_are_the_area_that_they_move_over():
     assert (areas[0] - areas[1]) / (2 * by) == pytest.approx(frame.length.sum(), rel=AREA_MOVED)
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize(("noise", "most"), [(0.0, EDGE_RMS), (0.5, EDGE_RMS_NOISY)])
 def test_the_margin_of_a_disc_strays_less_than_its_outermost_points(noise, most):
     squares = []

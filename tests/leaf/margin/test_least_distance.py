@@ -50,11 +50,13 @@ def strip(request):
     return depths[depths < DEEP], 2 * length / spacing, share / spacing
 
 
+@pytest.mark.few(strip=2)
 def test_there_are_as_many_points_more_beside_an_edge_as_the_law_says(strip):
     depths, length, share = strip
     assert abs(len(depths) / length - DEEP - excess_beside(share)) < THINNED_EXCESS
 
 
+@pytest.mark.few(strip=2)
 def test_they_move_the_edge_out_by_as_much_as_their_scores(strip):
     depths, length, share = strip
     found = brentq(lambda d: (score((d + depths) / BLUR) / BLUR).sum() - length, -1, 1)
@@ -62,6 +64,7 @@ def test_they_move_the_edge_out_by_as_much_as_their_scores(strip):
     assert abs(found - told) < THINNED_OFFSET
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("share", RATIOS)
 @pytest.mark.parametrize("seed", range(2))
 def test_a_thinned_sample_ends_where_the_leaf_does(share, seed):

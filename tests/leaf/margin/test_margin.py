@@ -27,6 +27,7 @@ REGULAR = ("lattice", "jittered", "lines")
 SHAPES = {"ellipse": leaves.ellipse(), "strip": leaves.strip(20), "lobed": leaves.lobed(), "eaten": leaves.eaten(6)}
 
 
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", [6, 9])
 def test_no_slit_reaches_into_a_leaf_from_between_its_teeth(seed):
     """Teeth of eight spacings are rounded off; the notches between them, which pass for tips, end where they do."""
@@ -42,6 +43,7 @@ def test_no_slit_reaches_into_a_leaf_from_between_its_teeth(seed):
     assert leaf.buffer(-3 * spacing).difference(margin.polygon).area == 0
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("sampler", leaves.SAMPLERS)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_area_and_margin_are_those_of_the_leaf_not_of_its_outermost_points(shape, sampler):
@@ -122,6 +124,7 @@ def test_the_margin_turns_and_grows_with_the_points():
     assert shapely.Polygon(turned.ring).symmetric_difference(moved).area < MARGIN_TURNED * turned.area
 
 
+@pytest.mark.few(leaf=1)
 @pytest.mark.parametrize(
     ("leaf", "seed"), [(leaves.strip(10), 1), (leaves.strip(20), 2), (leaves.strip(20), 3), (leaves.eaten(6), 4)]
 )
@@ -185,6 +188,7 @@ def test_pieces_are_joined_over_a_narrow_gap_and_left_out_and_told_beyond_a_wide
     assert wide.bounds[1, 0] < 30
 
 
+@pytest.mark.few(width=1)
 @pytest.mark.parametrize("width", [4.0, 6.0])
 def test_a_strip_few_spacings_wide_is_whole_and_has_no_holes(width):
     leaf, areas = leaves.strip(40, width, 1000 / width), []

@@ -24,7 +24,8 @@ def covered_twice(monkeypatch, samples):
     yield from zip(found, map(cover_sample, samples), strict=True)
 
 
-@pytest.mark.parametrize(("leaf", "count"), [("slits 1.5", 4), ("slits 2", 4), ("leaflets 2", 2), ("leaflets 3.5", 2)])
+@pytest.mark.few(leaf=2)
+@pytest.mark.parametrize(("leaf", "count"), [("slits 2", 4), ("leaflets 2", 2), ("slits 1.5", 4), ("leaflets 3.5", 2)])
 def test_less_of_bays_a_few_spacings_wide_is_covered_than_where_none_are_looked_for(monkeypatch, leaf, count):
     """In spacings: a point for each unit of area. Areas of independent points stray too far for so few samples."""
     monkeypatch.syspath_prepend(str(SCRIPTS))
@@ -45,6 +46,7 @@ def test_a_sparse_tail_without_deep_points_has_no_bays(monkeypatch, width, densi
         assert np.array_equal(found.triangles, twin.triangles)
 
 
+@pytest.mark.few(sampler=1)
 @pytest.mark.parametrize("sampler", [leaves.uniform, leaves.jittered, leaves.scan_lines, leaves.graded])
 def test_leaves_without_bays_are_covered_as_if_none_were_looked_for(monkeypatch, sampler):
     samples = [

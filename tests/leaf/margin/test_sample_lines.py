@@ -57,6 +57,7 @@ def test_a_lattice_of_triangles_has_no_lines(stretch, noise):
         assert spaced(points + rng.normal(0, noise, points.shape), 2.3) is None
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("ratio", [4, *(pytest.param(ratio, marks=pytest.mark.slow) for ratio in (6, 9)), 12])
 @pytest.mark.parametrize("noise", [0.0, 0.2])
 @pytest.mark.parametrize("bend", [lambda points: points, bent], ids=["straight", "bent"])
@@ -69,6 +70,7 @@ def test_the_area_of_lines_is_that_of_their_cells(ratio, noise, bend):
     assert margin.area == pytest.approx(cells.sum(), rel=LINES_AREA)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("ratio", [4, 8])
 def test_a_smooth_line_along_the_margin_is_none_that_was_set_on_it(ratio, seed):
@@ -98,6 +100,7 @@ def test_lines_that_turn_leave_the_sides_anywhere_within_their_distance():
     assert told == pytest.approx(np.square(sides).sum() * 0.36 * ratio / 12, rel=LINES_DEVIATION)
 
 
+@pytest.mark.few(ratio=1)
 @pytest.mark.parametrize("ratio", [9, 12, 16])
 def test_points_of_the_last_line_stand_for_as_much_as_others(ratio):
     """Of a line seen through noise few points lie at the border, and triangles to the next line are few and long."""

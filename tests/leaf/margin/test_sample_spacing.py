@@ -60,6 +60,7 @@ def covered(region):
     return shapely.coverage_union_all(shapely.polygons(region.points[region.triangles]))
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("sampler", [leaves.uniform, leaves.jittered])
 @pytest.mark.parametrize("factor", [5, 10, 30])
 def test_where_the_density_jumps_a_leaf_is_covered_and_no_hole_comes_about(factor, sampler):
@@ -81,6 +82,7 @@ def test_beside_a_jump_in_density_holes_stay_on_either_side(place, width):
     assert shapely.Polygon(found).contains(hole.buffer(-0.05 * width))
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("radius", [5, 7])
 @pytest.mark.parametrize("factor", [5, 10])
 def test_a_bay_where_the_density_jumps_is_no_gap_of_the_sparser_side(factor, radius):
@@ -111,6 +113,7 @@ def test_triangles_of_a_sample_of_one_density_are_judged_by_their_corners():
     assert (spacing_between(mesh.near.row, mesh.triangles, spacing, JUMP) == spacing[mesh.triangles].mean(axis=1)).all()
 
 
+@pytest.mark.few(ratio=1)
 @pytest.mark.parametrize("ratio", [2, 4])
 def test_a_narrow_leaf_that_is_denser_along_one_side_has_its_area(ratio):
     """The deep points nearest to its sparse margin are of the dense side: by them it lacks 0.012, and 0.063."""

@@ -44,6 +44,7 @@ def check(polygon, vertices, triangles):
     assert off.max() <= ON_THE_MARGIN * np.abs(vertices).max()
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("step", [10.0, 3.0, 1.0, 0.4])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_triangles_fill_the_polygon_at_any_step_and_end_on_it(shape, step):

@@ -147,6 +147,7 @@ def require_embedded(mesh):
     assert (report.components, report.self_intersections) == (1, 0)
 
 
+@pytest.mark.few(step=1)
 @pytest.mark.parametrize("step", [0.2, 0.07])
 def test_a_tapered_solid_is_embedded_and_thin_all_along_its_rim(pointed, step):
     """The chords of the rim lie inside the margin, where the thickness has risen."""
@@ -184,11 +185,12 @@ def test_the_distance_beside_a_tapered_rim_is_the_way_to_it():
     assert np.abs(leaf.signed_distance(x, closed=True) - gap).max() <= RIM_DISTANCE
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("radius", [0.15, 0.3, 1.0])
 @pytest.mark.parametrize("closed", [False, True])
 def test_distances_around_a_tapered_rim_are_those_to_its_section(radius, closed):
     """Brute force in the plane across a straight margin: the nearest of 120,000 points of the curve."""
-    leaf, rng, count = slab_with(radius), np.random.default_rng(0), 2000
+    leaf, rng, count = slab_with(radius), np.random.default_rng(0), 600
     depth = (radius + 0.5) * np.linspace(0, 1, 60_000) ** 2
     height = HALF * leaf.blade.taper.values(np.column_stack([9 + 0 * depth, 2 - depth]))
     wall = np.column_stack([np.full(2001, 2.0), np.linspace(-height[0], height[0], 2001)])

@@ -40,6 +40,7 @@ def test_a_point_nearer_than_half_a_spacing_says_where_the_leaf_ends():
     assert np.mean(blade.outline.contains(blade.flatten(scan.points)[:, :2])) > INSIDE
 
 
+@pytest.mark.few(kind=1)
 @pytest.mark.parametrize(("kind", "seed"), [("wavy", 0), ("winding", 0), ("twisted", 1)])
 def test_a_rounding_of_the_scan_is_one_of_the_blade(kind, seed):
     """The sheet, its chart, the margin and the surface: none of them chooses by a rounding."""
@@ -75,7 +76,8 @@ def test_a_ruffled_leaf_has_its_area():
     assert area == pytest.approx(triangle_areas(ruffled(flat), triangles).sum(), rel=tol.AREA_OF_RUFFLES)
 
 
-@pytest.mark.parametrize(("kind", "spacing"), [("wavy", 0.5), ("eaten", 0.8)])
+@pytest.mark.few(kind=1)
+@pytest.mark.parametrize(("kind", "spacing"), [("eaten", 0.8), ("wavy", 0.5)])
 def test_a_leaf_without_gaussian_curvature_is_laid_flat_without_stretch_up_to_its_margin(kind, spacing):
     leaf = o3l.samples.leaf_shape(kind, length=40)
     scan = o3l.samples.scan_leaf(leaf, seed=3, spacing=spacing)
@@ -94,6 +96,7 @@ def test_a_leaf_rolled_until_its_margins_nearly_meet_is_cut_open_between_them():
     assert blade.outline.area == pytest.approx(leaf.area, rel=tol.AREA_OF_ROLLED_LEAF)
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.1, 0.0])
 def test_the_two_sides_of_a_leaf_thicker_than_its_points_are_apart_are_one_surface_between_them(noise):
     """Without noise they lie exactly as far off it, many times what neighbors on one side differ by."""
@@ -108,6 +111,7 @@ def test_the_two_sides_of_a_leaf_thicker_than_its_points_are_apart_are_one_surfa
     assert any("both sides of the leaf" in note for note in blade.notes)
 
 
+@pytest.mark.few(thickness=1)
 @pytest.mark.parametrize(("thickness", "share"), [(4.0, 0.5), (3.0, 0.25)])
 def test_the_area_of_both_sides_is_that_of_one_where_neighbors_lie_on_either(thickness, share):
     """From two to five spacings apart half of a point's neighbors lie on its own side, and planes run from one to the
@@ -137,6 +141,7 @@ def test_what_steps_from_a_leaf_to_the_ground_is_refused_with_its_place(monkeypa
     assert len(refusal.value.places)
 
 
+@pytest.mark.slow
 def test_a_leaf_scanned_with_ground_that_is_no_plane_is_refused_at_once_and_its_piece_is_the_leaf(monkeypatch):
     """One spacing above it, at the middle: more smoothing would not make one surface of both, and is not tried."""
     step = 0.8
@@ -161,6 +166,7 @@ def test_a_leaf_scanned_with_ground_that_is_no_plane_is_refused_at_once_and_its_
     assert blade.outline.area == pytest.approx(leaf.area, rel=tol.AREA_OF_A_PIECE)
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.2, 0.5])
 def test_the_noise_of_a_fit_is_that_of_its_points(noise):
     rng = np.random.default_rng(0)

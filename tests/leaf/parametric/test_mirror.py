@@ -207,6 +207,7 @@ def _fitted_once(monkeypatch):
     assert len(fits) == 1
 
 
+@pytest.mark.few(kind=1)
 @pytest.mark.usefixtures("_fitted_once")
 @pytest.mark.parametrize(("kind", "spacing"), [("twisted", 0.9), ("petiole", 1.2)])
 def test_a_margin_that_is_hidden_is_told_and_completed_where_that_is_asked_for(kind, spacing):

@@ -172,6 +172,7 @@ def test_distances_and_projections_are_those_of_its_surface(leaf):
 PETIOLE = Petiole(9.0, 2.0, 50.0, (-9.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 
 
+@pytest.mark.few(surface=1)
 def test_it_is_written_read_and_remeshed(surface, leaf, tmp_path, flat):
     outline = Margin.fit(inner_places(1200), unit="mm")
     saved = o3l.MultiscaleLeaf(leaf.texture, blade=ParametricBlade(surface, outline, 1.0, ("a note",), None, PETIOLE))

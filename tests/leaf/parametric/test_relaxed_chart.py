@@ -125,6 +125,7 @@ def test_sides_of_a_slit_that_stay_apart_are_no_reason_to_keep_a_chart():
     assert max(stretch.most - 1, 1 - stretch.least) < tol.RELAXED_STRETCH
 
 
+@pytest.mark.few(kind=1)
 @pytest.mark.parametrize(("kind", "length"), [("curled", 60), ("cupped", 40)])
 def test_no_blade_is_stretched_more_than_its_own_mesh_must_be(kind, length):
     """Noise of half a spacing: a smoothed fit alone leaves a curled leaf stretched by 4 %, where it need not be."""

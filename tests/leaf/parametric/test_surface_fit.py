@@ -107,6 +107,7 @@ def test_the_surface_moves_with_its_scan(fit, scan):
     assert moved.heights == pytest.approx(fit.heights, abs=tol.MOVED_SURFACE)
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.2, 0.5])
 def test_smoothing_leaves_a_twist(noise):
     """Its saddles are what a smoothing by far too wide takes first: of each ball a plane is left."""
@@ -194,6 +195,7 @@ def test_smoothing_is_less_where_the_leaf_is_wavy():
     assert np.median(calm) < np.median(wavy)
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize(("noise", "smoothing"), [(0.25, 0.05), (0.4, 0.1)])
 def test_no_surface_folds_between_points_however_little_smoothing_was_chosen(monkeypatch, noise, smoothing):
     points = roll(places(400, 0)) + np.random.default_rng(1).normal(0, noise, (400, 3))
@@ -228,6 +230,7 @@ def test_vertices_at_one_place_of_a_chart_are_put_apart(scan):
     assert (chart_areas(found.chart, found.triangles) > 0).all()
 
 
+@pytest.mark.few(knot=1)
 @pytest.mark.parametrize("knot", ["one place", "past each other", "at the margin"])
 def test_a_sheet_whose_chart_is_tangled_beyond_repair_is_triangulated_anew(scan, knot):
     """Vertices of a rough sheet are carried there all to one place, or past each other: no chart relaxes from that.

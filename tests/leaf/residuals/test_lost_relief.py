@@ -49,6 +49,7 @@ SLOPES = 0.25 * (0.5 * LONG) ** 2
 """Half the mean of the squared slopes of the waves."""
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("size", [0.0, 0.2])
 @pytest.mark.parametrize("held", [0.0, 0.5, 1.0])
 def test_what_is_missing_is_the_area_of_the_scan_less_that_of_the_blade(held, size):
@@ -61,6 +62,7 @@ def test_what_is_missing_is_the_area_of_the_scan_less_that_of_the_blade(held, si
     assert found.deviation < 0.015
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("size", [0.0, 0.1])
 @pytest.mark.parametrize("long", [1.5, 1.75, 2.0])
 def test_relief_that_only_nearest_neighbors_show_is_told_as_such(long, size):
@@ -83,6 +85,7 @@ def test_of_many_small_samples_with_noise_none_has_short_relief():
         assert not lost(plane, np.zeros(400), 0.3 * rng.normal(size=400)).told
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, 2.0])
 @pytest.mark.parametrize("apart", [1.0, 1.4, 2.0])
 def test_scan_lines_that_are_off_one_another_are_no_relief(apart, turn):
@@ -96,6 +99,7 @@ def test_scan_lines_that_are_off_one_another_are_no_relief(apart, turn):
     assert found.share <= np.sqrt(1 + 2 * SLOPES) - 1 + 3 * found.deviation
 
 
+@pytest.mark.few(turn=2)
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, 2.0])
 def test_neighbors_along_scan_lines_tell_nothing_of_slopes_across(turn):
     """Nearly straight rows, a bit scattered: what pairs within them hardly span isn't solved for."""
@@ -114,6 +118,7 @@ def test_of_steep_waves_no_more_is_missing_than_there_is():
     assert LOST_TO_SHORT_LAGS * truth < lost(plane, np.zeros(len(plane)), waves(plane, 1.8)).share < truth
 
 
+@pytest.mark.few(size=1)
 @pytest.mark.parametrize("size", [0.2, 0.5])
 def test_noise_of_points_and_of_passes_is_no_relief(size):
     plane = square(1)
@@ -129,6 +134,7 @@ def test_noise_of_points_and_of_passes_is_no_relief(size):
     assert alike.is_short
 
 
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", range(4))
 def test_noise_that_a_blade_follows_is_no_area_that_it_lacks(seed):
     """Of noise half of which the blade goes through, smoothed or not, nothing is missing."""
@@ -139,6 +145,7 @@ def test_noise_that_a_blade_follows_is_no_area_that_it_lacks(seed):
     assert not found.told
 
 
+@pytest.mark.few(chart=1)
 @pytest.mark.parametrize("chart", [[[2.0, 0.0], [0.0, 2.0]], [[0.6, -0.8], [0.8, 0.6]], [[1.1, 0.3], [0.0, 0.9]]])
 def test_the_area_is_that_of_the_world_in_any_chart_and_unit(chart):
     plane = square()

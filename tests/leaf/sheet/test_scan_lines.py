@@ -40,6 +40,7 @@ def test_lines_become_as_dense_along_as_across(rng, ratio, noise):
     assert 0.2 < along / np.sqrt(ratio) < 0.5
 
 
+@pytest.mark.few(kind=1)
 @pytest.mark.parametrize("kind", ["curled", "twisted"])
 def test_a_sheet_runs_through_lines_far_apart(kind):
     leaf = o3l.samples.leaf_shape(kind)

@@ -83,6 +83,7 @@ def assert_open_sheet(vertices, triangles) -> None:
     assert euler(triangles) == 2 - rims(vertices, triangles) < 2
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("noise", [0.0, 0.2, 0.5])
 @pytest.mark.parametrize(("shape", "width"), [(flat, 20.0), (twisted, 16.0), (curled, 24.0)])
 def test_a_blade_is_a_disc_that_holds_all_points_and_their_area(shape, width, noise):
@@ -236,6 +237,7 @@ def test_a_sheet_does_not_depend_on_unit_place_or_threads():
     assert np.array_equal(sheet.vertices * 2.0**-10, scaled.vertices)
 
 
+@pytest.mark.slow
 def test_more_points_than_a_chart_needs_are_thinned_and_all_of_them_told():
     t, v = strip(11, 40.0, 15.0, 0.15)
     sheet = find_sheet(flat(t, v)[0])
@@ -400,13 +402,14 @@ def test_of_two_layers_the_one_that_hangs_on_a_rim_is_cut_off():
     assert len(left)
 
 
+@pytest.mark.few(scan=2)
 @pytest.mark.parametrize(
     ("scan", "held"),
     [
-        ("wheat/wheat_leaf.ply", 0.995),
+        ("leaves/rice_noisy.ply", 0.995),
         ("leaves/soybean_with_normals.ply", 0.99),
         ("leaves/tomato_leaflet_two_layers.ply", 0.93),
-        ("leaves/rice_noisy.ply", 0.995),
+        ("wheat/wheat_leaf.ply", 0.995),
     ],
 )
 def test_a_real_leaf_is_one_open_sheet_that_holds_its_points(scan, held, real_scan):
@@ -441,6 +444,7 @@ def test_the_sides_of_a_closed_sheet_are_those_of_a_thin_leaf_if_it_is_flat(widt
     assert thickness == pytest.approx(2 * radius, rel=0.1) if is_flat else np.isinf(thickness)
 
 
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_sheet_goes_on_where_points_are_much_farther_apart(seed):
     rng, spacing, radius, sparser = np.random.default_rng(seed), 0.5, 8.0, 2.5

@@ -22,6 +22,7 @@ def scan_of(leaf, thickness, noise, share):
     return scan.points + (thickness * SPACING * side)[:, np.newaxis] * leaf.normals(scan.places), scan.points
 
 
+@pytest.mark.few(thickness=2)
 @pytest.mark.parametrize(
     ("thickness", "noise", "share"),
     [(2.0, 0.0, 0.5), (2.0, 0.0, 0.25), (3.0, 0.3, 0.5), (4.0, 0.2, 0.25), (5.0, 0.1, 0.25)],
@@ -54,6 +55,7 @@ def test_depths_that_are_rounded_are_no_sides(leaf, step):
     assert find_both_sides(points) is None
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_a_leaf_folded_in_two_is_none_of_two_sides(noise):
     """Its halves lie as far apart as sides do; but one sheet goes from the one round to the other."""
@@ -68,6 +70,7 @@ def test_a_leaf_folded_in_two_is_none_of_two_sides(noise):
     assert find_both_sides(points + rng.normal(0, noise * spacing, points.shape)) is None
 
 
+@pytest.mark.few(turns=1)
 @pytest.mark.parametrize("turns", [1.4, 2.2])
 def test_a_leaf_rolled_up_into_a_scroll_is_none_of_two_sides(turns):
     """Its layers lie farther apart than triangles join, and face one way; one sheet winds through all of them."""

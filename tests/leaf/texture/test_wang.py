@@ -97,6 +97,7 @@ def test_tiles_that_share_a_border_share_its_corners(tiles):
     assert not np.array_equal(other.kinds(places.reshape(-1, 2)).reshape(18, 18), kinds)
 
 
+@pytest.mark.few(axis=1)
 @pytest.mark.parametrize("axis", [0, 1])
 def test_the_field_and_its_derivatives_go_on_over_every_border(tiles, axis):
     """All 64 pairs of tiles that may lie beside one another, seen from either side."""

@@ -45,6 +45,7 @@ def read_npy(path):
     return np.load(path).T, np.array(about["origin"]), np.full(3, about["spacing"])
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("bounds", [None, BOX])
 @pytest.mark.parametrize(("suffix", "read"), [(".vti", read_vti), (".nrrd", read_nrrd), (".npy", read_npy)])
 def test_distances_read_back_are_those_of_the_sphere(ball, tmp_path, monkeypatch, suffix, read, bounds):

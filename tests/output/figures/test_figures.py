@@ -181,6 +181,7 @@ def test_figures_of_a_blade_say_what_is_left_out(leaf, scan, quick, tmp_path):
     assert all("figure" in name for name in journal.seconds)
 
 
+@pytest.mark.slow
 def test_pictures_of_a_leaf_are_as_wide_as_a_column(leaf, quick, tmp_path):
     drawn = o3l.draw_figures(leaf, tmp_path, formats=["png"], only=["four-tiles", "cross-section", "whole-leaf"])
     assert not drawn.left_out

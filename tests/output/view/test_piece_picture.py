@@ -40,6 +40,7 @@ def test_pieces_have_colors_and_numbers(pieces, tmp_path):
         assert text in written
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("places", [None, np.array([[5.0, 5.0, 0.0]])])
 @pytest.mark.parametrize("pieces", [(), tuple(SCAN[rows] for rows in ROWS)])
 def test_a_refusal_that_names_pieces_shows_them(small_pictures, tmp_path, places, pieces):

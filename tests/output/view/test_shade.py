@@ -134,6 +134,7 @@ HAIR = [[0, 0, 0], [24, 2, 0], [24, 2.04, 0], [0, 0.04, 0], [0, 8, 0], [24, 8, 0
 """A hair of a third of a pixel, and a triangle beside it that sets the scale."""
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("perspective", [False, True])
 @pytest.mark.parametrize("shape", ["blade", "hair", "slivers"])
 def test_no_pixel_that_a_ray_would_hit_is_left_out(blade, shape, perspective):

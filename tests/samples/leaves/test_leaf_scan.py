@@ -33,6 +33,7 @@ def eaten(leaf_of):
     return leaf_of("eaten")
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("pattern", ["random", "lines", "stripes", "grid"])
 @pytest.mark.parametrize("kind", PLAIN)
 def test_without_noise_points_lie_on_the_leaf(leaf_of, kind, pattern):
@@ -105,6 +106,7 @@ def test_noise_along_the_normal_leaves_points_where_they_are_along_the_surface(e
     assert heights.std() == pytest.approx(0.15, rel=SCAN_SIGMAS / np.sqrt(2 * len(heights)))
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("gaps", ["patches", "band", "margin"])
 @pytest.mark.parametrize("kind", sorted(LEAF_KINDS))
 def test_nothing_is_seen_in_gaps(leaf_of, whole_scan, kind, gaps):

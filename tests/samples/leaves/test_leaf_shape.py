@@ -121,6 +121,7 @@ def test_petiole_and_stub_are_round_and_go_on_from_the_base(shapes):
     np.testing.assert_allclose(aside, stub.radius, rtol=LIFTED_METRIC)
 
 
+@pytest.mark.few(leaf=7)
 def test_area_of_triangles_converges_with_the_square_of_their_step(leaf):
     # The short edges of the outline are followed at any step; where only they bend, steps must be shorter.
     step = {"wavy": 0.3, "winding": 0.2}.get(leaf.kind, 2.0)

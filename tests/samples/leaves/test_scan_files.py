@@ -2,6 +2,7 @@
 
 import numpy as np
 import open3d as o3d
+import pytest
 
 from o3dleaf.commands.sample import SampleJob
 from o3dleaf.samples import LEAF_KINDS, leaf_shape, scan_leaf, write_leaf_scans
@@ -17,6 +18,7 @@ def test_each_kind_is_a_file_that_holds_its_scan(tmp_path):
         np.testing.assert_allclose(read, points, rtol=0, atol=KEPT_DECIMALS * 1e-4)
 
 
+@pytest.mark.slow
 def test_the_command_writes_them_when_asked_and_else_not(tmp_path):
     assert len(SampleJob(tmp_path / "few").work()) == 4
     assert len(SampleJob(tmp_path / "all", leaves=True).work()) == 4 + len(LEAF_KINDS)

@@ -27,6 +27,7 @@ def half_planes(angles, noise=0.0, seed=0, density=DENSITY, half=1.0):
     return points + rng.normal(0, 1, points.shape) * noise * spacing, spacing
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("noise", [0.0, 0.2])
 @pytest.mark.parametrize("angles", [Y, T, SLANTED, NARROW])
 @pytest.mark.parametrize("density", [1000.0, 4000.0])
@@ -52,6 +53,7 @@ def test_the_line_moves_and_grows_with_the_cloud():
     assert np.linalg.norm(back[:, 1:], axis=1).max() < BRANCH_OFF * DENSITY**-0.5
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("noise", [0.0, 0.2])
 @pytest.mark.parametrize(
     "make",
@@ -74,6 +76,7 @@ def test_creases_corners_thin_sheets_and_bodies_that_touch_are_no_branchings(mak
     assert find_branchings(points) is None
 
 
+@pytest.mark.few(count=1)
 @pytest.mark.parametrize(
     ("count", "noise", "seed"),
     [(8000, 0.0015, 0), pytest.param(8000, 0.002, 0, marks=pytest.mark.slow), (9000, 0.002, 1)],
@@ -99,6 +102,7 @@ def ribbed(thickness, density=DENSITY):
     return np.concatenate([np.transpose(each) for each in points]), normals
 
 
+@pytest.mark.few(thickness=2)
 @pytest.mark.parametrize("thickness", [0.25, 1.0, 2.0])
 def test_a_thin_rib_is_told_from_a_sheet_by_its_normals(thickness):
     points, normals = ribbed(thickness * DENSITY**-0.5)
@@ -124,6 +128,7 @@ def test_the_points_beside_a_line_are_left_out_and_told():
     assert preprocess_point_cloud(points, branchings=None).branchings is None
 
 
+@pytest.mark.few(angles=2)
 @pytest.mark.parametrize(("angles", "noise"), [(Y, 0.2), (T, 0.0), (SLANTED, 0.0)])
 def test_three_sheets_that_meet_have_surfaces_that_end_at_the_line(angles, noise):
     points, spacing = half_planes(angles, noise, half=0.3)

@@ -48,6 +48,7 @@ def test_all_normals_of_a_closed_surface_point_outward(shape):
     assert cloud.notes == ()
 
 
+@pytest.mark.few(shape=2)
 @pytest.mark.parametrize(
     ("shape", "count", "share"), [("sphere", 10000, 0.01), ("torus", 40000, 0.005), ("block", 10000, 0.004)]
 )
@@ -90,6 +91,7 @@ def test_an_open_sheet_has_one_side_and_a_note():
     assert not orient_normals(sphere(1000)[0]).is_open
 
 
+@pytest.mark.few(half_width=2)
 @pytest.mark.parametrize(("half_width", "share"), [(0.1, 0.0), (0.25, 0.0), (0.25, 0.005)])
 def test_a_one_sided_sheet_is_cut_across_and_has_two_sides_then(half_width, share):
     points = noisy(moebius(5000, half_width)[0], share)
@@ -105,6 +107,7 @@ def test_a_one_sided_sheet_is_cut_across_and_has_two_sides_then(half_width, shar
     assert find_opposed(cloud.points, cloud.normals, cloud.neighbors.row[:, :9]).mean() < OPPOSED_LEFT
 
 
+@pytest.mark.few(angles=2)
 @pytest.mark.parametrize("angles", [(90.0, 210.0, 330.0), (180.0, 0.0, 30.0), (180.0, 0.0, 90.0)])
 def test_of_sheets_that_branch_each_has_one_side(angles):
     rng = np.random.default_rng(8)
@@ -132,6 +135,7 @@ def test_points_that_fill_a_volume_are_refused():
         preprocess_point_cloud(np.random.default_rng(6).normal(size=(2500, 3)))
 
 
+@pytest.mark.few(spacings=2)
 @pytest.mark.parametrize("spacings", [0.5, 1.0, 2.0])
 def test_sheets_closer_than_their_spacing_still_face_away_from_one_another(spacings):
     points, normals = slab(5000, spacings)
@@ -141,6 +145,7 @@ def test_sheets_closer_than_their_spacing_still_face_away_from_one_another(spaci
     assert spacings > 1 or any("close together" in note for note in cloud.notes)
 
 
+@pytest.mark.few(solid=1)
 @pytest.mark.parametrize(
     ("solid", "seed"),
     [
@@ -209,6 +214,7 @@ def plates():
     return fins(0.048).sample(7_000)
 
 
+@pytest.mark.few(share=1)
 @pytest.mark.parametrize("share", [0.0, 0.0024])
 def test_sides_of_thin_plates_are_found_under_noise(plates, share):
     """Plates two and a half spacings thick that cross one another, to the noise of a quarter of a spacing."""
@@ -224,6 +230,7 @@ def test_sides_of_thin_plates_are_found_where_groups_mix_them(plates):
     assert any("by what the whole encloses" in note for note in cloud.notes)
 
 
+@pytest.mark.few(spacings=1)
 @pytest.mark.parametrize("spacings", [1.0, 2.0, 3.0])
 def test_noise_on_a_narrow_strip_is_not_its_other_side(spacings):
     rng = np.random.default_rng(1)
@@ -311,6 +318,7 @@ def test_normals_of_another_number_than_the_points_are_refused():
             call(points, normals[1:])
 
 
+@pytest.mark.few(name=1)
 @pytest.mark.parametrize("name", ["homer", "interlocked_tori"])
 def test_the_normals_of_real_figures_are_recovered(real_scan, name):
     cloud = o3d.io.read_point_cloud(real_scan(f"oriented/{name}.ply"))
@@ -319,6 +327,7 @@ def test_the_normals_of_real_figures_are_recovered(real_scan, name):
     assert np.array_equal(preprocess_point_cloud(cloud).normals > 0, given > 0)
 
 
+@pytest.mark.few(name=1)
 @pytest.mark.parametrize("name", ["leaves/sugarbeet", "leaves/soybean_with_normals", "wheat/wheat_leaf"])
 def test_real_leaves_are_open_sheets(real_scan, name):
     cloud = o3d.io.read_point_cloud(real_scan(f"{name}.ply"))
@@ -367,6 +376,7 @@ def test_a_leaflet_with_a_bit_of_another_sheet_is_cut_where_they_meet(real_scan)
     assert "were cut out there, around -5" in cloud.notes[-1]
 
 
+@pytest.mark.few(thickness=1)
 @pytest.mark.parametrize("thickness", [2.0, 3.0])
 def test_right_normals_of_thin_fins_are_kept(thickness):
     """At their rims most neighbors lie on other sides of the plate; matter is behind each point all the same."""
@@ -391,6 +401,7 @@ def turned_at_random(normals, share, seed=7):
     return np.where(wrong, -1, 1)[:, np.newaxis] * normals
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("shape", ["sphere", "torus"])
 @pytest.mark.parametrize("share", [0.1, 0.2, 0.25, 0.4])
 def test_of_given_normals_that_were_turned_at_random_none_is_left_so(shape, share):

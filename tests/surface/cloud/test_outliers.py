@@ -38,6 +38,7 @@ def test_points_beside_a_surface_are_outliers_from_four_spacings_on():
     assert detect_outliers(uneven).sum() < 33
 
 
+@pytest.mark.few(count=2)
 @pytest.mark.parametrize("count", [300, 3_000, 12_000])
 def test_points_scattered_through_space_are_outliers(count):
     """Nine of ten of them, and none of a clean or a noisy surface beside them; a twelfth of its density is no cause."""
@@ -91,6 +92,7 @@ def test_a_surface_of_few_points_beside_a_dense_one_is_no_outlier():
         assert found[-10:].all()
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("shape", [sphere, torus])
 @pytest.mark.parametrize("scale", [7e-7, 1.0, 3e6])
 def test_a_solid_of_two_densities_loses_no_point_and_groups_beside_it_go(shape, scale):
@@ -111,6 +113,7 @@ def test_a_solid_of_two_densities_loses_no_point_and_groups_beside_it_go(shape, 
         assert found[len(points) :].all()
 
 
+@pytest.mark.few(max_ratio=1)
 @pytest.mark.parametrize("max_ratio", [outliers.MAX_RATIO, np.inf])
 def test_forty_points_scattered_around_a_solid_are_outliers_though_they_are_near_one_another_by_their_own_density(
     max_ratio,
@@ -203,6 +206,7 @@ def test_the_largest_group_of_outliers_is_told_with_its_number_its_length_and_it
     assert told[2] == "the outlier is at 3.000 0.000 0.000"
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
 @pytest.mark.parametrize("copies", [1, 3])
 def test_points_that_were_rounded_repeat_those_that_were_not(scale, copies):

@@ -13,6 +13,7 @@ def test_the_spacing_is_that_of_the_area():
     assert OrientedCloud.of(points).spacing == pytest.approx(np.sqrt(4 * np.pi / len(points)), rel=SPACING)
 
 
+@pytest.mark.few(spacings=1)
 @pytest.mark.parametrize("spacings", [1, 4])
 def test_noise_thicker_than_the_spacing_does_not_change_it(spacings):
     points, _ = torus(60000)

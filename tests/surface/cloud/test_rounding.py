@@ -60,6 +60,7 @@ def test_planes_lattices_and_contours_are_left_as_they_are(make):
     assert average_levels(cloud)[0] is cloud
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("direction", AXES)
 @pytest.mark.parametrize("given", [False, True])
 def test_points_on_levels_are_averaged_to_the_surface_between_them(direction, given):
@@ -79,6 +80,7 @@ def test_points_on_levels_are_averaged_to_the_surface_between_them(direction, gi
     assert np.abs(solid.closest(np.asarray(mesh.vertices)).distance).mean() < STEPS_OFF * step
 
 
+@pytest.mark.few(direction=1)
 @pytest.mark.parametrize("direction", AXES)
 def test_given_normals_tell_the_sides_of_parts_as_thin_as_a_step_apart(direction):
     """Without them the means of such plates are no surface, and the points' own planes are those of the levels."""

@@ -23,6 +23,7 @@ def filled(kind, count, seed):
     return rng.uniform(size=(count, 3)) * {"cube": (1, 1, 1), "rod": (8, 1, 1), "slab": (3, 3, 1)}[kind]
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("kind", ["ball", "cube", "normal", "rod", "slab"])
 @pytest.mark.parametrize("count", [300, 3_000, 10_000])
 def test_points_that_fill_a_volume_are_no_surface_at_any_scale(kind, count):
@@ -34,6 +35,7 @@ def plates():
     return samples.fins().sample(10_000)[0]
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.0, 0.002])
 def test_thin_plates_are_told_from_a_volume_and_not_thinned(plates, noise):
     """On coarser scales both sides of a plate lie in one neighborhood, and the plate becomes thicker."""
@@ -43,6 +45,7 @@ def test_thin_plates_are_told_from_a_volume_and_not_thinned(plates, noise):
     assert scale.thinning == 1
 
 
+@pytest.mark.few(seed=2)
 @pytest.mark.parametrize("seed", range(3))
 def test_planes_go_through_fewer_neighbors_where_the_others_lie_on_other_sheets(seed):
     """A plate folded onto itself, 2.3 spacings thick and apart: under noise of 0.43 it looked like a volume."""
@@ -57,6 +60,7 @@ def test_planes_go_through_all_neighbors_where_points_or_noise_fill_them(kind):
     assert {scale_of(filled(kind, 10_000, seed)).neighbors for seed in range(3)} == {NEIGHBORS}
 
 
+@pytest.mark.few(spacings=3)
 @pytest.mark.parametrize("spacings", [0.0, 0.5, 1.0, 2.0, 4.0])
 def test_a_sheet_is_thinned_as_far_as_its_noise_asks_for(spacings):
     """Of one in t points the spacing is √t of the cloud's: from that of the noise to eight times as much."""

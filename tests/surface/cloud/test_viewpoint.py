@@ -47,6 +47,7 @@ def test_given_normals_are_turned_to_it_and_counted():
     assert cloud.notes[0].startswith(f"{int(np.sum(sign < 0)):,} of {len(points):,} normals faced away")
 
 
+@pytest.mark.few(step=1)
 @pytest.mark.parametrize("step", [1.2, 2.0])
 def test_ground_seen_at_grazing_angles_faces_up_where_single_sights_are_chance(step):
     """Rays meet far waves at a few degrees, and planes through points so far apart are off by more."""

@@ -147,6 +147,7 @@ def test_what_is_consistent_is_so_in_any_unit(unit):
     assert (other.uncertain == found.uncertain).all()
 
 
+@pytest.mark.few(gap=1)
 @pytest.mark.parametrize("gap", [0.5, 1.0, 2.0])
 def test_rings_that_nearly_touch_are_told_apart(gap):
     points, normals = torus(4000)
@@ -225,6 +226,7 @@ def test_two_bodies_that_nearly_touch_are_not_joined_with_contrary_sides():
     assert not any("open sheet" in note for note in cloud.notes)
 
 
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_narrow_gap_of_a_noisy_fold_is_not_filled_up(seed):
     fold = samples.fold(0.08)

@@ -52,6 +52,7 @@ def fitted(faces, side, turn, **options):
     return PUInterpolant.fit(sites, values, groups=groups, normals=normals, local=CreasedSplines(**options))
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("faces", [2, 3])
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("turn", [np.eye(3), TURN], ids=["straight", "turned"])

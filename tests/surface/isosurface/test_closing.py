@@ -51,6 +51,7 @@ def is_solid(mesh):
     return report.boundary_edges == 0 and report.manifold and report.oriented and report.volume > 0
 
 
+@pytest.mark.few
 @both
 @pytest.mark.parametrize("step", [1.0, 0.4, 0.73, 1.31])
 def test_noise_that_the_box_cuts_everywhere_is_a_closed_oriented_manifold(method, step):

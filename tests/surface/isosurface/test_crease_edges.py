@@ -60,6 +60,7 @@ def as_met(monkeypatch):
     return seen
 
 
+@pytest.mark.few(seed=2)
 @pytest.mark.parametrize("seed", range(4))
 def test_all_that_cross_are_near_a_vertex_that_left_its_cell(seed, as_met):
     vertices, triangles = surface(seed, features=True)
@@ -73,6 +74,7 @@ def test_all_that_cross_are_near_a_vertex_that_left_its_cell(seed, as_met):
     assert np.array_equal(alone, crossing)
 
 
+@pytest.mark.few(seed=3)
 @pytest.mark.parametrize("seed", range(8))
 def test_vertices_go_back_until_none_cross_or_what_still_does_is_told(seed):
     with warnings.catch_warnings(record=True) as caught:
@@ -101,6 +103,7 @@ def test_vertices_that_cross_nothing_stay_where_planes_meet(request):
     assert seen["near"].any()
 
 
+@pytest.mark.few(seed=2)
 @pytest.mark.parametrize("seed", range(4))
 def test_without_vertices_on_creases_none_cross(seed):
     vertices, triangles = surface(seed, features=False)

@@ -42,6 +42,7 @@ def test_creases_lie_on_the_mesh_which_is_closed_and_crosses_itself_nowhere(kind
     assert np.mean(missed) < CREASES_MISSED[kind]
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("cells", [1.0, 1.5, 2.0])
 @pytest.mark.parametrize("kind", ["octree", "lattice"])
 def test_a_surface_that_bends_within_a_cell_without_a_crease_stays_round(kind, cells):

@@ -56,6 +56,7 @@ def test_a_slab_that_leaves_the_box_is_two_open_sheets_without_a_hole(method):
     assert report.volume is None
 
 
+@pytest.mark.few
 @both
 @pytest.mark.parametrize(("levels", "level"), [(None, 0.0), (3, 0.5), (3, 1.0), (10, 4.5), (10, 5.0)])
 def test_noise_gives_a_closed_oriented_manifold(method, levels, level):
@@ -68,6 +69,7 @@ def test_noise_gives_a_closed_oriented_manifold(method, levels, level):
         assert report.volume > 0
 
 
+@pytest.mark.few
 @both
 @pytest.mark.parametrize("seed", range(4))
 def test_meshes_of_noise_do_not_intersect_themselves_says_meshlab(seed, method):
@@ -166,6 +168,7 @@ def test_samples_do_not_depend_on_the_block(block):
     assert np.array_equal(samples, whole)
 
 
+@pytest.mark.few
 @both
 @pytest.mark.parametrize("step", [1.0, 0.9])
 @pytest.mark.parametrize("smoothing", [0.0, 1e-3])

@@ -35,12 +35,14 @@ def points():
     return TORUS.sample(1_500)
 
 
+@pytest.mark.few(local=1)
 @pytest.mark.parametrize("local", POTENTIALS)
 def test_exact_normals_are_used_as_they_are(points, local):
     cloud = o3l.OrientedCloud.of(*points)
     np.testing.assert_array_equal(normal_data(cloud, offset_constraints, local), cloud.normals)
 
 
+@pytest.mark.few(local=1)
 @pytest.mark.parametrize("local", POTENTIALS)
 def test_with_normals_of_planes_the_surface_is_about_as_near_as_that_of_values(points, local):
     cloud = o3l.OrientedCloud.of(points[0], by_planes(*points))

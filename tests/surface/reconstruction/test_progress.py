@@ -58,6 +58,7 @@ def test_every_long_stage_reports_its_steps_never_goes_back_and_ends_at_its_tota
         assert np.diff(journal.shares[stage], prepend=0).max() <= LARGEST_STEP_OF_A_BAR
 
 
+@pytest.mark.few(local=1)
 @pytest.mark.parametrize("local", ["mls", "hermite"])
 def test_other_fits_report_theirs_too(local):
     with Reported() as journal:

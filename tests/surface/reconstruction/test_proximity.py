@@ -68,6 +68,7 @@ def test_a_gap_is_no_wider_for_what_is_dense_on_its_other_side():
     assert np.any(row != cKDTree(cloud).query(places)[1])
 
 
+@pytest.mark.few(solid=1)
 @pytest.mark.parametrize(("solid", "step"), [("sphere", 10), ("sphere", 30), ("torus", 10)])
 def test_where_density_steps_down_the_surface_goes_on(solid, step):
     rng = np.random.default_rng(2)

@@ -277,6 +277,7 @@ def test_a_mesh_that_memory_has_no_room_for_is_refused_before_the_fit(spacing, m
     assert triangles == pytest.approx(expected, rel=MESH_NEED)
 
 
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", [0, 3])
 def test_no_triangles_cross_beside_creases(seed):
     """Of steep roofs that end in a step: 48 and 71 did where the vertices on creases were left where planes meet."""
@@ -445,6 +446,7 @@ def test_mesh_steps_go_with_the_spacing_of_uneven_clouds_and_that_is_told(patch,
     assert len(told) == bool(patch)
 
 
+@pytest.mark.few(noise=2)
 @pytest.mark.parametrize("noise", [0.0, 0.15, 0.4])
 def test_vertices_are_placed_more_exactly_than_linearly_where_no_noise_hides_it(noise):
     solid, errors = samples.Torus(), []
@@ -460,6 +462,7 @@ def test_vertices_are_placed_more_exactly_than_linearly_where_no_noise_hides_it(
     assert NearSurface.of(fit_surface(cloud), cloud, chosen_steps(cloud)).sharp
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.0, 0.4])
 def test_single_precision_is_not_seen_on_a_surface(noise):
     points, normals, _ = noisy(samples.Torus(), 3_000, noise)
@@ -507,16 +510,17 @@ def test_noise_lengthens_the_step_but_where_two_sides_are_near():
     assert steps[1] == pytest.approx(1.0)
 
 
+@pytest.mark.few(name=3)
 @pytest.mark.parametrize(
     ("name", "pieces", "genus", "closed", "with_normals"),
     [
         ("oriented/homer.ply", 1, 0, True, True),
-        ("oriented/homer.ply", 1, None, True, False),
-        pytest.param("oriented/interlocked_tori.ply", 2, 2, True, True, marks=pytest.mark.slow),
         ("oriented/interlocked_tori.ply", 2, 2, True, False),
-        pytest.param("leaves/soybean_with_normals.ply", 1, None, False, True, marks=pytest.mark.slow),
-        ("leaves/soybean_with_normals.ply", 1, None, False, False),
         ("leaves/sugarbeet.ply", 1, None, False, False),
+        ("oriented/homer.ply", 1, None, True, False),
+        ("oriented/interlocked_tori.ply", 2, 2, True, True),
+        ("leaves/soybean_with_normals.ply", 1, None, False, True),
+        ("leaves/soybean_with_normals.ply", 1, None, False, False),
     ],
 )
 def test_real_clouds(real_scan, name, pieces, genus, closed, with_normals):

@@ -38,6 +38,7 @@ def rim_of(mesh):
     return vertices[np.unique(edges.ends[edges.count == 1])]
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("given", [True, False])
 @pytest.mark.parametrize("ratio", [0.5, 1.5])
 def test_a_random_sheet_ends_at_its_data_and_has_no_hole(given, ratio):

@@ -58,6 +58,7 @@ def test_single_precision_is_as_fine_as_the_densest_part_asks_for():
     assert [finest_spacing(cloud, spacing) for spacing in (0.5 * middle, 2 * middle)] == [0.5 * middle, middle]
 
 
+@pytest.mark.slow
 def test_a_gap_in_an_uneven_cloud_is_closed_where_that_is_asked_for():
     """The field is corrected, and followed again on its leaves."""
     cloud = ball(hole=0.15)

@@ -74,6 +74,7 @@ def test_a_rim_has_no_curvature():
     assert not deficit[rim].any()
 
 
+@pytest.mark.few(sign=1)
 @pytest.mark.parametrize("sign", [1, -1])
 def test_what_joins_two_sheets_without_data_is_found_and_with_data_is_not(sign):
     mesh = mesh_of(dumbbell, sign)
@@ -85,6 +86,7 @@ def test_what_joins_two_sheets_without_data_is_found_and_with_data_is_not(sign):
         assert np.all(np.hypot(*data.points[found < 0, :2].T) < 0.5)
 
 
+@pytest.mark.few(sign=1)
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_bridge_longer_than_neighborhoods_is_found_by_its_ends(sign):
     """Each has −2π, half of what a handle has, and what is between them has none."""
@@ -140,6 +142,7 @@ def test_points_on_triangles_larger_than_their_spacing_have_a_surface():
     assert find_lost(*square, OrientedCloud.of(above, data.normals)).all()
 
 
+@pytest.mark.slow
 def test_the_job_tells_of_sheets_that_few_points_hold_apart():
     """A hollow ball, dense but for a side where its wall is thinner than the points are apart."""
     rng = np.random.default_rng(4)

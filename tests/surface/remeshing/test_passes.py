@@ -86,6 +86,7 @@ def keep_facing(old, old_labels, new, new_labels, flat):
     return True
 
 
+@pytest.mark.few(limits=2)
 @every
 def test_a_collapse_is_done_where_its_rules_allow_it(limits):
     fair, flat, deviation, longest = limits.quality, limits.min_cosine, limits.deviation, limits.longest
@@ -126,6 +127,7 @@ def test_a_collapse_is_done_where_its_rules_allow_it(limits):
     assert min(answers.values()) > 10
 
 
+@pytest.mark.few(limits=2)
 @every
 def test_a_swap_is_done_where_its_rules_allow_it(limits):
     flat, deviation, longest = limits.min_cosine, limits.deviation, limits.longest
@@ -155,6 +157,7 @@ def test_a_swap_is_done_where_its_rules_allow_it(limits):
     assert min(answers.values()) > 10
 
 
+@pytest.mark.few(limits=2)
 @every
 def test_a_vertex_moves_where_its_rules_allow_it(limits):
     fair, flat, longest = limits.quality, limits.min_cosine, limits.longest
@@ -183,6 +186,7 @@ def test_a_vertex_moves_where_its_rules_allow_it(limits):
     assert min(answers.values()) > 10
 
 
+@pytest.mark.few(limits=2)
 @every
 def test_a_split_is_done_where_its_rules_allow_it(limits):
     fair, flat = limits.quality, limits.min_cosine

@@ -63,6 +63,7 @@ def check_lengths(vertices, triangles, edge):
     assert length.max() < most
 
 
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", [1, 4])
 @pytest.mark.parametrize("name", [*GENUS])
 def test_with_a_field_all_vertices_lie_on_it_in_good_triangles_and_the_volume_converges(name, seed):
@@ -92,6 +93,7 @@ def test_a_coarse_or_a_fine_mesh_comes_to_the_same_edges():
         check_lengths(vertices, triangles, 0.2)
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.1, 0.35])
 def test_a_noisy_mesh_whose_triangles_cross_comes_to_rest_on_the_field(noise):
     field = turned("sphere")
@@ -115,6 +117,7 @@ def farthest(one, other, count=8):
     return scene.compute_distance(o3d.core.Tensor(points.astype(np.float32))).numpy().max()
 
 
+@pytest.mark.few(name=2)
 @pytest.mark.parametrize(("name", "deviation"), [("sphere", None), ("torus", 0.004), ("ellipsoid", 0.02)])
 def test_without_a_field_the_mesh_stays_near_what_it_was(name, deviation):
     _, mesh = cubes_of(name, 0.08)

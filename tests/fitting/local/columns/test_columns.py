@@ -28,6 +28,7 @@ def close(found, expected, share=COLUMN):
     np.testing.assert_allclose(found, expected, rtol=0, atol=share * np.abs(expected).max())
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("options", [{}, {"smoothing": 0.1}, {"rho": 1e-4, "weights": True}], ids=str)
 @pytest.mark.parametrize(("power", "d"), [(1, 3), (2, 2), (3, 1), (3, 3), (4, 2), (5, 3)])
 def test_every_column_is_what_it_is_alone(power, d, options):

@@ -227,6 +227,7 @@ def test_its_memory_goes_with_the_surface_and_not_with_the_volume():
     assert peak < 8 * values.size
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("shape", [(48, 44, 40), (9, 70, 31), (31, 5, 60)])
 @pytest.mark.parametrize("averaged", [1.0, 30.0])
 def test_a_layer_is_looked_at_in_parts_as_in_one(shape, averaged, monkeypatch):

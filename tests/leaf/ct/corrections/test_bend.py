@@ -46,6 +46,7 @@ def bent(terms, seed=0, noise=0.0):
 BENDS = [(2e-4, 0.0, 0.0), (0.0, 0.0, -2e-4), (1e-4, 1e-4, -1e-4), (1e-4, -2e-4, 1e-4)]
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("terms", BENDS)
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_the_bend_is_found(terms, noise):
@@ -58,6 +59,7 @@ def test_the_bend_is_found(terms, noise):
     assert found.range == pytest.approx(np.ptp(heights), abs=0.5 * STEP)
 
 
+@pytest.mark.few(terms=2)
 @pytest.mark.parametrize("terms", BENDS)
 def test_without_its_bend_the_blade_is_as_it_was(terms):
     volume, _ = bent(terms)
@@ -74,6 +76,7 @@ def off(volume, other):
     return float(np.sqrt(np.mean((volume.data - other.data) ** 2)))
 
 
+@pytest.mark.few(order=1)
 @pytest.mark.parametrize("order", [(1, 2, 0), (2, 0, 1), (1, 0, 2)])
 def test_it_is_the_same_along_any_axis(order):
     volume, _ = bent(BENDS[2])

@@ -49,6 +49,7 @@ def off_but_for_scale(volume, other):
     return float(np.std(np.polyval(np.polyfit(x, y, 1), x) - y))
 
 
+@pytest.mark.few(noise=2)
 @pytest.mark.parametrize("noise", [0.0, 0.02, 0.05])
 def test_drift_is_taken_out(noise):
     clean = patch(noise)
@@ -57,6 +58,7 @@ def test_drift_is_taken_out(noise):
     assert left < DRIFT_LEFT * off_but_for_scale(given, clean) + 0.1 * noise
 
 
+@pytest.mark.few(noise=3)
 @pytest.mark.parametrize(
     ("noise", "place"),
     [(0.0, (0.5, 0.5)), (0.05, (0.5, 0.5)), (0.02, (0.4, 0.55)), (0.05, (-0.3, 0.2)), (0.02, (12.0, 30.0))],
@@ -68,7 +70,8 @@ def test_rings_are_taken_out_around_any_axis(noise, place):
     assert off(remove_rings(given, axis), clean) < RINGS_LEFT * off(given, clean)
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.05])
+@pytest.mark.few(noise=1)
+@pytest.mark.parametrize("noise", [0.05, 0.0])
 def test_what_has_none_stays_nearly_as_it_is(noise):
     for seed in range(2):
         volume = patch(noise, seed)
@@ -87,6 +90,7 @@ def test_rings_of_one_place_of_a_circle_are_none():
     assert change.mean() < 0.1 * 0.03
 
 
+@pytest.mark.few(scale=1)
 @pytest.mark.parametrize(("scale", "zero"), [(2.0**10, 2.0**7), (2.0**-20, 0.0)])
 def test_both_go_with_the_intensities_and_with_the_unit(scale, zero):
     volume = drifting(patch(0.02))

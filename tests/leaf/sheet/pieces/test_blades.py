@@ -69,6 +69,7 @@ def test_a_tube_without_blades_has_none():
     assert find_blades(vertices, triangles[kept], ends) is None
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("noise", [0.0, 0.2])
 @pytest.mark.parametrize("gap", [0.0, 100.0])
 def test_blades_of_a_seedling_are_pieces_of_one_leaf_each(gap, noise):

@@ -17,6 +17,7 @@ def told(sheet):
     return [note for note in sheet.notes if SAID in note]
 
 
+@pytest.mark.few(number=2)
 @pytest.mark.parametrize("number", [2, 18, 21, 25, 27], ids=["gap 2", "gap 0", "two densities", "gap 1", "gap 3"])
 def test_two_leaves_that_cross_are_two_pieces(number):
     scan = drawn_crossing(number).scan()
@@ -59,6 +60,7 @@ def test_points_within_the_noise_of_both_are_told_and_many_where_leaves_touch():
     assert "within the noise" not in far
 
 
+@pytest.mark.slow
 def test_each_leaf_has_its_area():
     scan = drawn_crossing(18).scan()
     for piece, leaf in ((1, 1), (2, 0)):
@@ -71,6 +73,7 @@ def lobed(lobes, depth, spacing=1.2):
     return find_sheet(o3l.samples.scan_leaf(leaf, seed=lobes, spacing=spacing, noise=0.2).points)
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("lobes", [4, 5, 7])
 @pytest.mark.parametrize("depth", [0.18, 0.3])
 def test_lobes_no_longer_than_wide_are_those_of_one_leaf(lobes, depth):
@@ -83,6 +86,7 @@ def test_four_long_lobes_are_told_to_show_by_their_outline_alone():
     assert "may be of either" in note
 
 
+@pytest.mark.few(lobes=1)
 @pytest.mark.parametrize("lobes", [5, 6, 7])
 def test_more_lobes_than_two_leaves_have_arms_are_those_of_one_leaf(lobes):
     assert not told(lobed(lobes, 0.8))

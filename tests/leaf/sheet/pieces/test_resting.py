@@ -25,6 +25,7 @@ def told(sheet):
     return [note for note in sheet.notes if SAID in note]
 
 
+@pytest.mark.few(number=2)
 @pytest.mark.parametrize(
     ("number", "spacing"), [(1, 1.0), (3, 0.8), (10, 1.0), (14, 1.0)], ids=["tip hidden", "tip", "middle", "noise"]
 )
@@ -56,6 +57,7 @@ def test_a_leaf_that_another_one_hides_the_middle_of_is_two_pieces():
     assert sum(piece.min() for piece in pieces) == 0
 
 
+@pytest.mark.slow
 def test_each_leaf_has_a_blade_of_its_own():
     scan = scan_of(9, 1.2)
     for piece, leaf in ((1, 1), (2, 0)):
@@ -63,6 +65,7 @@ def test_each_leaf_has_a_blade_of_its_own():
         assert blade.outline.area == pytest.approx(scan.areas[leaf], rel=RESTING_AREA)
 
 
+@pytest.mark.slow
 def test_a_blade_of_both_says_so_with_the_pieces_that_there_are():
     scan = scan_of(9, 1.2)
     blade = o3l.create_blade(scan.points, unit="mm")
@@ -79,6 +82,7 @@ def test_leaves_that_nothing_tells_apart_are_said_to_be_such():
     assert len(sheet.leftovers.pieces) == 1
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("noise", [0.0, 0.2, 0.5])
 @pytest.mark.parametrize("kind", ["curled", "layers", "eaten"])
 def test_a_single_leaf_is_one(kind, noise):
@@ -88,6 +92,7 @@ def test_a_single_leaf_is_one(kind, noise):
         assert not told(find_sheet(points))
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.0, 0.2])
 def test_a_leaf_folded_onto_itself_is_one(noise):
     """Bent by 175° over a radius of two spacings, seen from all around."""

@@ -88,6 +88,7 @@ def test_a_short_gap_from_rim_to_rim_is_cut(rng, wide):
         assert "along 1 gap between" in slits.note
 
 
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", [0, 5])
 def test_a_leaf_whose_margins_are_joined_all_along_is_opened(seed):
     """Triangles close the tube of seed 0 at once, and that of seed 5 when its small holes are closed."""

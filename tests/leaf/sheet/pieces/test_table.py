@@ -23,6 +23,7 @@ def square(rng, width, count, height=0.0):
     return np.column_stack([places, np.full(count, height)])
 
 
+@pytest.mark.few(number=3)
 @pytest.mark.parametrize(("number", "is_refused"), [(6, True), (11, True), (22, True), (13, False), (24, False)])
 def test_a_table_and_the_leaf_that_rises_from_it_are_told_apart(number, is_refused):
     scan = drawn_table(number).scan()
@@ -42,6 +43,7 @@ def test_a_leaf_that_is_pressed_flat_is_no_table(has):
         assert table_of(points) is None, name
 
 
+@pytest.mark.slow
 def test_a_blade_of_a_table_is_refused_and_the_leaf_made_where_it_is_asked_for():
     scan = drawn_table(6).scan()
     with pytest.raises(

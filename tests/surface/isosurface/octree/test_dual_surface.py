@@ -48,6 +48,7 @@ def is_outward(field, vertices, triangles):
     return (normal * field.gradient(corners.mean(axis=1))).sum(axis=1) < 0
 
 
+@pytest.mark.few
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(("field", "genus"), [(sphere(), 0), (torus(), 1)])
 def test_on_leaves_of_any_widths_a_surface_is_closed_manifold_and_outward(field, genus, seed):
@@ -59,6 +60,7 @@ def test_on_leaves_of_any_widths_a_surface_is_closed_manifold_and_outward(field,
     assert is_outward(field, vertices, triangles).all()
 
 
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", range(3))
 def test_ambiguous_faces_and_doubled_sides_leave_no_crack_and_no_edge_of_three(seed):
     """Waves of three leaves, cut by the box: handles everywhere, and two pairs of edges of a face in the same loops."""
@@ -74,6 +76,7 @@ def test_ambiguous_faces_and_doubled_sides_leave_no_crack_and_no_edge_of_three(s
     assert np.all(np.abs(vertices) <= 1.2)
 
 
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", range(2))
 def test_each_crossed_least_edge_of_all_leaves_has_its_polygon(seed):
     """Against all leaves of the box, found place by place: edges of all, halved where a narrower one has them."""
