@@ -557,6 +557,7 @@ def test_a_read_only_file_is_not_replaced(run, files, tmp_path):
     assert target.read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_an_error_is_one_line_with_the_progress_shown_too(files, tmp_path):
     result = process("leaf", files / "scan.ply", "--scan-unit", "um", "-o", tmp_path / "leaf.ply")
     assert result.returncode == 2

@@ -62,6 +62,7 @@ def test_gradient_equals_central_differences(leaf):
     assert np.abs(numeric - leaf.gradient(world)).max() <= 10 * ANALYTIC_VS_DIFFERENCE
 
 
+@pytest.mark.slow
 def test_the_field_between_the_vertices_falls_with_the_square_of_the_spacing(leaf):
     spacings = np.array([0.03, 0.015, 0.0075])
     errors = []

@@ -190,6 +190,7 @@ def test_a_window_is_part_of_the_whole_and_a_file_has_what_is_extracted(leaf, so
     assert np.array_equal(np.asarray(read_mesh(tmp_path / "leaf.ply").mesh.triangles), np.asarray(solid.mesh.triangles))
 
 
+@pytest.mark.slow
 def test_a_leaf_that_was_saved_has_the_same_mesh(leaf, solid, tmp_path):
     leaf.save(tmp_path / "leaf.o3l")
     again = o3l.load(tmp_path / "leaf.o3l").plan_mesh(STEP, closed=True).extract()
@@ -262,6 +263,7 @@ def test_a_table_of_other_numbers_is_refused(patch, wang):
         thinned(wang, HALF, zones=thinned(patch, HALF).zones)
 
 
+@pytest.mark.slow
 def test_tiles_are_simplified_each_by_itself(leaf, solid):
     plan = leaf.plan_mesh(STEP / 2, closed=True, simplify=0.5)
     report = mesh_report(plan.extract().mesh)
@@ -295,6 +297,7 @@ def test_a_remeshed_leaf_has_the_hairs_that_are_kept(leaf, solid, remeshed):
     assert cKDTree(hairs_of(leaf, solid.mesh.vertices)).query(made)[0].max() < remeshed[0].spacing[0]
 
 
+@pytest.mark.slow
 def test_walls_of_voids_are_no_place_to_go_to_with_hairs_or_without():
     leaf, tiles, kept = hollow_leaf()
     plan = leaf.plan_mesh(0.08, closed=True)

@@ -75,6 +75,7 @@ def test_tiles_are_simplified_each_by_itself(leaf, solid):
     assert (report.manifold, report.boundary_edges, report.components) == (True, 0, 1)
 
 
+@pytest.mark.slow
 def test_a_leaf_that_was_saved_has_the_same_mesh(leaf, solid, tmp_path):
     leaf.save(tmp_path / "leaf.o3l")
     again = o3l.load(tmp_path / "leaf.o3l").plan_mesh(STEP, closed=True).extract()
@@ -161,6 +162,7 @@ def test_distances_are_those_to_a_fine_mesh(leaf, scattered, closed):
     assert np.array_equal(np.sign(found[sure]), np.sign(exact[sure]))
 
 
+@pytest.mark.slow
 def test_closest_points_lie_on_the_field_and_at_the_distance(leaf, scattered):
     feet = leaf.closest_points(scattered)
     assert np.allclose(np.linalg.norm(feet - scattered, axis=1), np.abs(leaf.signed_distance(scattered)))

@@ -113,6 +113,7 @@ def call_again(compiled, tmp_path):
     return caller(tmp_path), compiled[1]
 
 
+@pytest.mark.slow
 def test_compiled_loaded_and_called_in_any_order_give_the_same_bits(call, tmp_path):
     compiled, first = call("all")
     for path in tmp_path.rglob("*.callee"):

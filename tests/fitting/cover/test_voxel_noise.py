@@ -70,6 +70,7 @@ def test_the_least_risk_has_the_least_error():
         assert error(value) < 1.05 * min(map(error, trial_values(eigenvalues)))
 
 
+@pytest.mark.slow
 def test_a_surface_in_correlated_noise_is_nearer_than_by_cross_validation(monkeypatch):
     data, clean = ball(14.0), ball(0.0)
     near = np.argwhere(np.abs(clean - STEP / 2) < 0.45 * STEP)

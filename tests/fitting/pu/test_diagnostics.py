@@ -128,6 +128,7 @@ def test_a_point_that_the_tail_cannot_do_without_is_not_left_out():
     assert found.leave_one_out[0] < 2 * np.sqrt(np.mean(alone**2))
 
 
+@pytest.mark.slow
 def test_leave_one_out_and_gcv_agree_about_the_error():
     """The amount of least leave-one-out error and the one that GCV takes are both within a tenth of the best."""
     for seed in range(4):

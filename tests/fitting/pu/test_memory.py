@@ -60,6 +60,7 @@ def test_it_does_not_grow_with_the_number_of_queries(field, name, dtype, monkeyp
     assert many <= blend.WORKING_MEMORY * share + THREADS * SCRATCH + ODDS_AND_ENDS
 
 
+@pytest.mark.slow
 def test_it_stays_below_what_is_stated(field):
     queries = np.random.default_rng(1).random((blend.BATCH_SIZE * 9 // 8, 3))
     needed = working_memory(field.hessian, queries, np.float64)

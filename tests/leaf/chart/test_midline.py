@@ -83,7 +83,7 @@ def test_the_curve_through_the_middles_moves_no_farther_than_the_one_before():
     above, below = half * (1 + 0.2 * np.sin(14 * np.pi * at)), -half * (1 + 0.2 * np.cos(14 * np.pi * at))
     axis = straight(120)
     outline = shapely.Polygon(np.concatenate([axis + above[:, None] * [0, 1], (axis + below[:, None] * [0, 1])[::-1]]))
-    step = 0.01
+    step = 0.02
     shifted = [resample(within(outline, axis + shift * np.array([1, 0])), 72) for shift in np.arange(-2, 2, step)]
     curves = [resample(_recenter(outline, curve, fixed=False), 72) for curve in shifted]
     moved = np.linalg.norm(np.diff(curves, axis=0), axis=-1).max(axis=1)

@@ -78,6 +78,7 @@ def test_it_is_the_distance_to_the_mesh(leaf, mesh, places, place, closed):
     assert off.max() < THINNED_MESH[1]
 
 
+@pytest.mark.slow
 def test_its_sign_is_that_of_g_and_its_feet_lie_at_it(leaf, places):
     plane = np.concatenate([places["kept"], places["removed"]])
     x = around(leaf, plane, seed=2, count=3000)

@@ -51,6 +51,7 @@ def test_a_rounding_of_the_scan_is_one_of_the_blade(kind, seed):
     assert again == pytest.approx(area, rel=tol.BLADE_MOVED)
 
 
+@pytest.mark.slow
 def test_a_tip_too_sparse_for_a_sheet_belongs_to_the_leaf():
     leaf = o3l.samples.leaf_shape("winding")
     scan = o3l.samples.scan_leaf(leaf, seed=1, spacing=0.5, noise=0.2)
@@ -60,6 +61,7 @@ def test_a_tip_too_sparse_for_a_sheet_belongs_to_the_leaf():
     assert not any("left out" in note for note in blade.notes)
 
 
+@pytest.mark.slow
 def test_a_ruffled_leaf_has_its_area():
     """Its waves lie over each other in the plane: where the chart of its sheet does, or that of a round, areas lack."""
     leaf = o3l.samples.leaf_shape("curled", length=40, width=30, angle=40)
@@ -188,6 +190,7 @@ def test_noise_of_half_a_spacing_is_averaged():
     assert np.sqrt(np.mean(distance**2)) < LEFT * scan.noise
 
 
+@pytest.mark.slow
 def test_what_is_told_of_a_scan_has_the_same_lengths_in_every_unit():
     points = o3l.samples.scan_leaf(o3l.samples.leaf_shape("petiole"), seed=2, spacing=1.6).points
     in_meters, in_micrometers = (

@@ -152,6 +152,7 @@ def test_pieces_are_told_by_number_size_and_place_and_taken_by_number():
         find_sheet(points, piece=0)
 
 
+@pytest.mark.slow
 def test_a_point_belongs_to_the_nearest_piece_whether_that_holds_it_or_not():
     large, small = scan(flat, 6, 60.0, 20.0), scan(flat, 7, 20.0, 10.0) + [5, 40, 0]
     few = np.random.default_rng(8).normal(0, 0.1, (10, 3))
@@ -202,6 +203,7 @@ def test_what_is_no_open_sheet_is_refused_with_its_place():
         find_sheet(rng.random((2000, 3)))
 
 
+@pytest.mark.slow
 def test_beside_what_is_no_sheet_the_leaf_is_named_and_can_be_taken():
     points = scan(flat, 3, 30.0, 10.0, 0.0)
     rng = np.random.default_rng(0)

@@ -191,6 +191,7 @@ def test_the_engines_draw_the_same_picture(ball):
         assert np.nanmedian(panel) < ENGINES_COLOR
 
 
+@pytest.mark.slow
 def test_without_a_driver_auto_is_the_cpu_and_open3d_an_error_with_a_cure(ball, monkeypatch):
     for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
         monkeypatch.setenv(name, "/nowhere")

@@ -118,6 +118,7 @@ def test_terrain_with_a_dense_patch_has_one_rim_and_faces_up():
     assert length[outside].mean() > 4 * length[inside].mean()
 
 
+@pytest.mark.slow
 def test_ground_scanned_from_one_place_has_no_handle_and_no_patch_that_faces_down():
     """Far waves are seen at a few degrees; normals that each point turned by itself made two handles, and 600 triangles
     that faced down."""

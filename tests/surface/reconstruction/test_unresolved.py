@@ -49,6 +49,7 @@ def near_axis(points):
     return np.hypot(points[:, 0], points[:, 1]) < 0.5
 
 
+@pytest.mark.few(handles=2)
 @pytest.mark.parametrize("handles", [0, 1, 2])
 def test_deficits_sum_to_gauss_and_bonnet(handles):
     rings = [Analytic(lambda x, y, z, c=c: 0.15 - np.hypot(np.hypot(x - c, y) - 0.35, z)) for c in (-0.4, 0.4)]

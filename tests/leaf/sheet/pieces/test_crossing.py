@@ -51,6 +51,7 @@ def test_of_a_leaf_that_another_one_crosses_in_front_of_both_ends_are_seen():
         assert piece.min() <= CROSSING_WRONG * np.bincount(scan.leaf)[piece.argmin()]
 
 
+@pytest.mark.slow
 def test_points_within_the_noise_of_both_are_told_and_many_where_leaves_touch():
     """At a gap of one spacing and a noise of a fifth, one in ten or more; at two spacings none."""
     (near,), (far,) = (told(find_sheet(drawn_crossing(number).scan().points)) for number in (25, 8))

@@ -66,6 +66,7 @@ def test_a_closed_sheet_has_no_rim_that_a_seam_could_be_on():
     assert _on_boundary(sheets, ball[:5], np.ones(5, int)) == (0, 0)
 
 
+@pytest.mark.few(number=1)
 @pytest.mark.parametrize("number", [43, 46], ids=["joined", "apart"])
 def test_a_leaf_is_made_without_the_fragment_on_it_which_is_told(number):
     scan = drawn_fragment(number).scan()

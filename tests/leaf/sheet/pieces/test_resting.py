@@ -50,6 +50,7 @@ def test_the_sheet_of_the_whole_scan_says_how_many_points_are_the_lesser_leafs()
     assert said == pytest.approx(lesser, rel=RESTING_WRONG)
 
 
+@pytest.mark.slow
 def test_a_leaf_that_another_one_hides_the_middle_of_is_two_pieces():
     scan = scan_of(0, 1.2)
     pieces = [np.bincount(scan.leaf[rows], minlength=2) for rows in find_sheet(scan.points).leftovers.pieces]
