@@ -104,8 +104,8 @@ def test_a_map_of_ones_changes_nothing_and_one_of_zeros_leaves_no_hair(tiles, ha
 @pytest.fixture(scope="module")
 def both_ways(leaf):
     """Mixed tiles, and the plane polygonized at once."""
-    lattice = tile_lattice(leaf.texture.texture, leaf.scale, STEP / 2)
-    return extract_tiles(leaf, STEP / 2, 0, together=False), extract_plane(leaf, lattice, 0)
+    lattice = tile_lattice(leaf.texture.texture, leaf.scale, STEP)
+    return extract_tiles(leaf, STEP, 0, together=False), extract_plane(leaf, lattice, 0)
 
 
 @pytest.mark.parametrize("closed", [False, True])

@@ -84,15 +84,15 @@ def test_what_is_not_held_is_drawn_where_it_is(held):
 
 def test_flat_signed_and_given_maps_are_drawn(held, tmp_path):
     blade, scan = held
-    page = render_residuals(blade, scan, tmp_path / "fit.png", flat=True, signed=True, spacing=1.0, size=SIZE)
+    page = render_residuals(blade, scan, tmp_path / "fit.png", flat=True, signed=True, spacing=2.0, size=SIZE)
     for other in ({"flat": True}, {"signed": True}):
-        assert not np.array_equal(page, render_residuals(blade, scan, spacing=1.0, size=SIZE, **other))
+        assert not np.array_equal(page, render_residuals(blade, scan, spacing=2.0, size=SIZE, **other))
     assert np.array_equal(np.round(imread(tmp_path / "fit.png")[:, :, :3] * 255).astype(np.uint8), page)
     others = scan + [0, 0, 30.0]
     of_piece = replace(blade, other_pieces=others)
-    both = render_residuals(of_piece, np.concatenate([others, scan]), flat=True, signed=True, spacing=1.0, size=SIZE)
+    both = render_residuals(of_piece, np.concatenate([others, scan]), flat=True, signed=True, spacing=2.0, size=SIZE)
     assert np.array_equal(both, page)
-    away = render_residuals(blade, scan + [0, 0, 500.0], size=SIZE, spacing=1.0)
+    away = render_residuals(blade, scan + [0, 0, 500.0], size=SIZE, spacing=2.0)
     assert away.shape == page.shape
     with pytest.raises(InputError, match="suffix"):
         render_residuals(blade, scan, tmp_path / "fit.txt")
