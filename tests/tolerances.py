@@ -1502,3 +1502,9 @@ THINNED_BLADE = 0.01
 RIDGED = 1e-6
 """Heights over quadrics through points 5 around, with a ridge of 1e-9 of a point that the literal fit has not: found
 1e-7, and more than 1e-5 with a corner of the loss off by a thousandth."""
+
+STRETCHED_COORDINATES = 1e-9
+"""Of a spline in stretched coordinates and the same spline of stretched points: two solutions of one system."""
+
+FOLD_BY_NORMALS = 0.75
+"""Mean error of a noisy fold over that by Euclid's distances: found 0.64."""

@@ -28,12 +28,16 @@ LEAF_MASK = (1 << LEAF_BITS) - 1
 
 
 class Balls(NamedTuple):
-    """Balls and the points that each is fitted to: ball i to ``members[offsets[i]:offsets[i + 1]]``."""
+    """Balls and the points that each is fitted to: ball i to ``members[offsets[i]:offsets[i + 1]]``.
+
+    Where there are `stretches` (M, d, d), the unit coordinates of a ball are multiplied with its own.
+    """
 
     centers: FloatArray
     radii: FloatArray
     offsets: IntArray
     members: IntArray
+    stretches: FloatArray
 
 
 class Images(NamedTuple):

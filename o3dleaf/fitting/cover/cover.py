@@ -96,7 +96,8 @@ class Cover:
     @property
     def balls(self) -> Balls:
         """The balls, as the compiled loops take them."""
-        return Balls(self.centers, self.radii, self.offsets, self.members)
+        dimension = self.bounds.shape[1]
+        return Balls(self.centers, self.radii, self.offsets, self.members, np.empty((0, dimension, dimension)))
 
     @property
     def counts(self) -> IntArray:

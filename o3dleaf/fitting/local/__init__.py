@@ -5,6 +5,7 @@
 `potentials`           splines of points and normals: Hermite, curl-free
 `polynomials`          moving least squares of points and normals
 `fields`               any field a ball
+`stretches`            distances by the covariance of normals
 `columns`              splines of several columns of values
 `voxels`               splines of voxels: balls that share a factorization
 `smoothing_selection`  the smoothing of each ball

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import overload
 
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.compiled.decorator import njit
-from o3dleaf.fitting.local.jet_loops import add_product, divide, scale_jets
+from o3dleaf.fitting.local.jet_loops import add_product, divide, scale_jets, stretch, stretch_jets
 from o3dleaf.fitting.local.weight_loops import weight_jets
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size, local_jets, lower_exponents, tail_derivatives
 from o3dleaf.fitting.rbf.potential_loops import potential_jets
@@ -37,6 +38,21 @@ class SplineBalls(NamedTuple):
     widest: Any
 
 
+class StretchedBalls(NamedTuple):
+    """The same of splines in unit coordinates that are multiplied with the matrices `stretches` (M, d, d)."""
+
+    splines: Any
+    stretches: Any
+    sites: Any
+    exponents: Any
+    widest: Any
+
+    @classmethod
+    def of(cls, splines: SplineBalls, stretches: FloatArray) -> "StretchedBalls":
+        """Return splines with the stretches of their balls."""
+        return cls(splines, stretches, splines.sites, splines.exponents, splines.widest)
+
+
 class PotentialBalls(NamedTuple):
     """The same of splines of values and gradients, whose `moments` lie as the sites do."""
 
@@ -58,9 +74,9 @@ class Workspace(NamedTuple):
     ----------
     points, away : (d, STRIP)
         The points of a strip, and how far the queries lie outside the box, if any does.
-    unit, place : (d, STRIP)
+    unit, place, stretched : (d, STRIP)
         The unit coordinates of those of them that a ball contains, and those at which its fit is asked for: the same,
-        but outside the box.
+        but outside the box; and the latter stretched.
     squared, inside : (STRIP,)
         Squared distances from a center, and numbers of the points that its ball contains.
     weight, local, sums, totals, spare : (jet, STRIP)
@@ -73,6 +89,7 @@ class Workspace(NamedTuple):
     away: Any
     unit: Any
     place: Any
+    stretched: Any
     squared: Any
     inside: Any
     weight: Any
@@ -116,6 +133,7 @@ def workspace(images, model, level):
         np.empty((dimension, STRIP)),
         np.empty((dimension, STRIP)),
         np.empty((dimension, STRIP)),
+        np.empty((dimension, STRIP)),
         np.empty(STRIP),
         np.empty(STRIP, dtype=np.int64),
         np.empty((size, STRIP)),
@@ -149,6 +167,12 @@ def ball_jets_of_splines(model, ball, z, count, space, level, local):  # noqa: A
 
 
 @overload(ball_jets, jit_options={"nogil": True})
+def ball_jets_of_stretched(model, ball, z, count, space, level, local):  # noqa: ARG001 - types, of which one chooses
+    """Return the function for splines in stretched coordinates."""
+    return stretched_jets if model.instance_class is StretchedBalls else None
+
+
+@overload(ball_jets, jit_options={"nogil": True})
 def ball_jets_of_potentials(model, ball, z, count, space, level, local):  # noqa: ARG001 - types, of which one chooses
     """Return the function for splines of values and gradients."""
     return potential_spline_jets if model.instance_class is PotentialBalls else None
@@ -161,6 +185,15 @@ def spline_jets(model, ball, z, count, space, level, local):
     points = block(model.sites, model, ball, len(z))
     weights = model.weights[model.offsets[ball] : model.offsets[ball + 1]]
     local_jets(z, count, points, weights, coefficients, lowered, model.power, level, terms, space.radial, local)
+
+
+def stretched_jets(model, ball, z, count, space, level, local):
+    """`ball_jets` of splines in stretched coordinates."""
+    matrix, stretched = model.stretches[ball], space.stretched
+    stretched[:, :count] = z[:, :count]
+    stretch(matrix, stretched, count)
+    ball_jets(model.splines, ball, stretched, count, space, level, local)
+    stretch_jets(matrix, local, count)
 
 
 def potential_spline_jets(model, ball, z, count, space, level, local):

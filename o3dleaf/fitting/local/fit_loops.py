@@ -7,6 +7,7 @@ import numpy as np
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
+from o3dleaf.fitting.local.jet_loops import stretch
 from o3dleaf.fitting.rbf.radial_loops import put
 from o3dleaf.fitting.rbf.shared_error_loops import shared_squares, solve_chosen, solve_shared
 from o3dleaf.fitting.rbf.shared_noise_loops import shared_noise, smoothing_bias, whitened
@@ -65,16 +66,38 @@ class SharedTrials(NamedTuple):
 
 
 @njit(nogil=True, cache=True)
-def gather(points, values, rows, center, radius):
-    """Return the unit coordinates (d, n) and the values of the points `rows` of a ball."""
+def gather(data, rows, balls, ball):
+    """Return the unit coordinates (d, n), stretched if they are, and the values of the points `rows` of a ball."""
+    points, center, radius = data.points, balls.centers[ball], balls.radii[ball]
     count, dimension = rows.size, center.size
-    local = np.empty((dimension, count))
-    data = np.empty(count)
+    local, values = np.empty((dimension, count)), np.empty(count)
     for j in range(count):
-        data[j] = values[rows[j]]
+        values[j] = data.values[rows[j]]
         for axis in range(dimension):
             local[axis, j] = (points[rows[j], axis] - center[axis]) / radius
-    return local, data
+    if len(balls.stretches) > 0:
+        stretch(balls.stretches[ball], local, count)
+    return local, values
+
+
+@njit(nogil=True, cache=True)
+def spread_normals(start, stop, normals, weights, balls, spreads):
+    """Write the covariances (d, d) of the normals of the points of the balls start:stop; normals of 0 do not count."""
+    dimension = normals.shape[1]
+    mean, total = np.empty(dimension), 0.0
+    for ball in range(start, stop):
+        spread = spreads[ball]
+        mean[:], spread[:], total = 0.0, 0.0, 0.0
+        for row in rows_of(balls, ball):
+            for a in range(dimension):
+                weighted = weights[row] * normals[row, a]
+                mean[a] += weighted
+                total += weighted * normals[row, a]
+                for b in range(dimension):
+                    spread[a, b] += weighted * normals[row, b]
+        for a in range(dimension if total > 0.0 else 0):
+            for b in range(dimension):
+                spread[a, b] = spread[a, b] / total - mean[a] / total * mean[b] / total
 
 
 @njit(nogil=True, cache=True)
@@ -99,7 +122,7 @@ def fit_balls(start, stop, data, balls, tail, power, smoothing, groups, share, f
     for ball in range(start, stop):
         first, last = balls.offsets[ball], balls.offsets[ball + 1]
         rows, radius = balls.members[first:last], balls.radii[ball]
-        local, values = gather(data.points, data.values, rows, balls.centers[ball], radius)
+        local, values = gather(data, rows, balls, ball)
         counts, named = data.weights[rows], groups[rows]
         diagonal = smoothing[ball] / radius**power / counts
         exponents, noise = tail.exponents[: tail.terms[ball]], shared_noise(named, share)
@@ -112,7 +135,7 @@ def fit_balls(start, stop, data, balls, tail, power, smoothing, groups, share, f
 def ball_residuals(ball, data, balls, exponents, power, smoothing):
     """Return f − F (n,) of one ball's fit at its own points; `smoothing` is each ball's diagonal in the data's unit."""
     rows, radius = rows_of(balls, ball), balls.radii[ball]
-    local, values = gather(data.points, data.values, rows, balls.centers[ball], radius)
+    local, values = gather(data, rows, balls, ball)
     diagonal = smoothing[ball] / radius**power / data.weights[rows]
     return left_by(values, project(local, exponents, power, diagonal), diagonal)
 
@@ -123,7 +146,7 @@ def fit_choosing_balls(start, stop, data, balls, tail, power, groups, trials, ch
     for ball in range(start, stop):
         first, last = balls.offsets[ball], balls.offsets[ball + 1]
         rows, radius = balls.members[first:last], balls.radii[ball]
-        local, values = gather(data.points, data.values, rows, balls.centers[ball], radius)
+        local, values = gather(data, rows, balls, ball)
         scale = trials.per_point * rows.size if trials.per_point > 0.0 else 1.0
         scaled = trials.values * (scale / radius**power)
         counts, named = data.weights[rows], local_groups(rows, groups)
@@ -140,7 +163,7 @@ def fit_choosing_balls(start, stop, data, balls, tail, power, groups, trials, ch
 def ball_spectrum(ball, data, balls, exponents, power):
     """Return the spectrum of one ball's weighted system, in unit coordinates."""
     rows = rows_of(balls, ball)
-    local, values = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
+    local, values = gather(data, rows, balls, ball)
     eigenvalues, coefficients = spectra(local, values.reshape(1, -1), np.sqrt(data.weights[rows]), exponents, power)
     return eigenvalues, coefficients[0]
 
@@ -159,7 +182,7 @@ def local_groups(rows, groups):
 def decompose_ball(ball, data, balls, exponents, power, groups, share):
     """Return what `decompose` does of one ball's weighted system, in unit coordinates; see `shared_noise_loops`."""
     rows = rows_of(balls, ball)
-    local, _ = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
+    local, _ = gather(data, rows, balls, ball)
     roots, noise = np.sqrt(data.weights[rows]), shared_noise(groups[rows], share)
     return decompose(local, roots, exponents, power, noise)
 
@@ -179,6 +202,6 @@ def ball_held_out_squares(ball, data, balls, decomposed, groups, share, trials, 
 def ball_shared_squares(ball, data, balls, exponents, power, groups, share, trials, inverses):
     """Return one ball's `shared_squares`."""
     rows = rows_of(balls, ball)
-    local, values = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
+    local, values = gather(data, rows, balls, ball)
     named, noise, roots = local_groups(rows, groups), shared_noise(groups[rows], share), np.sqrt(data.weights[rows])
     return shared_squares(local, values, roots, exponents, power, named, noise, trials, inverses)

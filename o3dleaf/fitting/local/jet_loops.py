@@ -5,6 +5,8 @@ A jet is a value, its gradient of d components and its d(d + 1)/2 second derivat
 column's bits do not depend on its place among the others.
 """
 
+import numpy as np
+
 from o3dleaf.core.compiled.decorator import njit
 
 
@@ -15,6 +17,44 @@ def scale_jets(jets, count, factor, dimension):
         power = factor if row <= dimension else factor * factor
         for i in range(count):
             jets[row, i] *= power
+
+
+@njit(nogil=True, cache=True)
+def stretch(matrix, rows, count):
+    """Multiply the first columns of the rows (d, ·) with a symmetric matrix (d, d), in place."""
+    dimension = len(matrix)
+    moved = np.empty(dimension)
+    for i in range(count):
+        for a in range(dimension):
+            moved[a] = 0.0
+            for b in range(dimension):
+                moved[a] += matrix[a, b] * rows[b, i]
+        for a in range(dimension):
+            rows[a, i] = moved[a]
+
+
+@njit(nogil=True, cache=True)
+def stretch_jets(matrix, jets, count):
+    """Turn derivatives by stretched coordinates A z into derivatives by z: A g and A H A, in place."""
+    dimension = len(matrix)
+    if len(jets) > 1:
+        stretch(matrix, jets[1 : 1 + dimension], count)
+    if len(jets) <= 1 + dimension:
+        return
+    second = np.empty((dimension, dimension))
+    for i in range(count):
+        row = 1 + dimension
+        for a in range(dimension):
+            for b in range(a, dimension):
+                second[a, b] = second[b, a] = jets[row, i]
+                row += 1
+        stretch(matrix, second, dimension)
+        stretch(matrix, second.T, dimension)
+        row = 1 + dimension
+        for a in range(dimension):
+            for b in range(a, dimension):
+                jets[row, i] = second[a, b]
+                row += 1
 
 
 @njit(nogil=True, cache=True)

@@ -16,12 +16,13 @@ from o3dleaf.core.resume.blocks import run_kept_blocks
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local import fit_loops
-from o3dleaf.fitting.local.blend_loops import SplineBalls
-from o3dleaf.fitting.local.blending import blend_balls
+from o3dleaf.fitting.local.blend_loops import SplineBalls, StretchedBalls
+from o3dleaf.fitting.local.blending import blend_balls, single_error
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns, fit_columns
 from o3dleaf.fitting.local.fit_loops import SplineArrays, Tails
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, ScatteredData
 from o3dleaf.fitting.local.smoothing_selection import BallSmoothing
+from o3dleaf.fitting.local.stretches import StretchedCover, stretched
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_degree, as_kernel, require_twice_differentiable
 from o3dleaf.fitting.rbf.shared_noise_loops import SharedNoise, shared_noise
 from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel, as_smoothing
@@ -30,8 +31,8 @@ from o3dleaf.fitting.rbf.tail import IntArray
 BATCH_SIZE = 4
 """Balls that are fitted in one compiled call: between calls threads wait for one another."""
 
-ROUNDINGS = 16
-"""Of one term in single precision, at most: of z, of z_j, of their difference, square, root and power."""
+BY_BALL = ("tails", "ranks", "dropped", "smoothing_per_ball", "stretches")
+"""What `LocalSplines` have one row a ball of."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,9 @@ class Splines:
     def fit(self, cover: Cover, data: ScatteredData) -> "LocalSplines | LocalColumns":
         """Fit every ball of the cover, to one column of values or to several."""
         model = self.model(data.points.shape[1])
-        return fit_splines(cover, data, model) if data.values.ndim == 1 else fit_columns(cover, data, model)
+        if data.values.ndim > 1:
+            return fit_columns(cover, data, model)
+        return fit_splines(stretched(cover, data), data, model)
 
     def model(self, dimension: int) -> SplineModel:
         """Return kernel, degree and smoothing for points of a dimension, or raise `InputError` or `IllPosedError`."""
@@ -96,6 +99,7 @@ def fit_splines(
         kept,
         groups,
         data.share,
+        cover.stretches if isinstance(cover, StretchedCover) else None,
     )
 
 
@@ -156,6 +160,8 @@ class LocalSplines:
         The groups of the points of each ball, where these share errors.
     share : float
         The part of the variance that a group has in common, see `ScatteredData`.
+    stretches : (M, d, d) ndarray or None
+        What the unit coordinates of each ball were multiplied with, where distances are not Euclid's, see `stretched`.
     """
 
     kernel: Polyharmonic
@@ -172,6 +178,7 @@ class LocalSplines:
     point_weights: FloatArray | None = field(default=None, metadata={"stored": "trust"})
     point_groups: IntArray | None = None
     share: float = 0.0
+    stretches: FloatArray | None = None
 
     def __repr__(self) -> str:
         return f"LocalSplines({self.kernel}, {len(self.tails):,} balls)"
@@ -197,10 +204,11 @@ class LocalSplines:
         return noise
 
     def fit_alike(self, cover: Cover, data: ScatteredData, balls: IntArray) -> "LocalSplines":
-        """Fit the balls of a cover with the smoothing that some of these have, to which they correspond."""
+        """Fit the balls of a cover with the smoothing and stretches of some of these, to which they correspond."""
         degree = int(self.exponents.sum(axis=1).max())
         own = None if self.smoothing_per_ball is None else self.smoothing_per_ball[balls]
-        return fit_splines(cover, data, SplineModel(self.kernel, degree, self.smoothing), per_ball=own)
+        over = cover if self.stretches is None else StretchedCover.of(cover, self.stretches[balls])
+        return fit_splines(over, data, SplineModel(self.kernel, degree, self.smoothing), per_ball=own)
 
     def composed(self, others: "LocalSplines", rows: IntArray) -> "LocalSplines":
         """Return those of the balls of both, one after the other, that are the rows (n,), in their order.
@@ -231,7 +239,7 @@ class LocalSplines:
             places=dimension * offsets[:-1],
             sites=both("sites", lambda each: places[id(each)]),
             **{name: both(name, lambda each: each.offsets) for name in ("weights", "point_weights", "point_groups")},
-            **{name: both(name, lambda _: own) for name in ("tails", "ranks", "dropped", "smoothing_per_ball")},
+            **{name: both(name, lambda _: own) for name in BY_BALL},
         )
 
     def with_points(self, cover: Cover, data: ScatteredData, balls: IntArray) -> "LocalSplines":
@@ -250,13 +258,14 @@ class LocalSplines:
         """
         return blend_balls(self.balls(level, dtype), index, queries, level)
 
-    def balls(self, level: int, dtype: np.dtype[Any]) -> SplineBalls:
+    def balls(self, level: int, dtype: np.dtype[Any]) -> SplineBalls | StretchedBalls:
         """Return what the compiled blend reads, or raise `InputError` where the kernel lacks the derivatives."""
         if level == 2:
             require_twice_differentiable(self.kernel)
         sites, weights = (self.sites, self.weights) if dtype == np.float64 else self._single
         power, exponents = self.kernel.power, self.exponents
-        return SplineBalls(self.offsets, self.places, sites, weights, self.tails, exponents, power, self._widest)
+        splines = SplineBalls(self.offsets, self.places, sites, weights, self.tails, exponents, power, self._widest)
+        return splines if self.stretches is None else StretchedBalls.of(splines, self.stretches)
 
     @cached_property
     def _widest(self) -> int:
@@ -265,31 +274,25 @@ class LocalSplines:
 
     @cached_property
     def single_error(self) -> float:
-        """The most by which values in single precision are off in the balls: n u Σ|terms|, in any order of the sum.
-
-        u is 2⁻²⁴; a term has some roundings of its own, and those of z − z_j, which lie in unit coordinates.
-        """
-        power, counts = self.kernel.power, np.diff(self.offsets)
-        places, shared = np.unique(self.places, return_inverse=True)
-        farthest = np.maximum.reduceat(np.abs(self.sites), places)[shared]
-        reach = 1.0 + np.sqrt(self.kernel.dimension) * farthest
-        # |φ| and |φ′| at that distance; beside log r stands less than 1/p + 1/(p − 1) + ... < 2.
-        factor = 1.0 if power % 2 else np.log(reach) + 2.0
-        size, slope = factor * reach**power, factor * power * reach ** (power - 1)
-        sums, filled = np.zeros(len(counts)), counts > 0
-        sums[filled] = np.add.reduceat(np.abs(self.weights), self.offsets[:-1][filled])
-        terms = (counts + ROUNDINGS) * size + 4.0 * slope
-        return float(np.finfo(np.float32).eps / 2 * (terms * sums).max())
+        """The most by which values in single precision are off in the balls."""
+        return single_error(self.offsets, self.places, self.sites, self.weights, self.kernel, self._lengths)
 
     @cached_property
     def single_rounding(self) -> float:
         """About how far values in single precision are off in most balls: roundings of terms λ φ add up by chance.
 
-        Terms are 2ᵏ λ at most, of r² log r hardly more. `single_error` is a bound, thousands of times as large.
+        Terms are (2 l)ᵏ λ at most, of r² log r hardly more. `single_error` is a bound, thousands of times as large.
         """
         filled = np.diff(self.offsets) > 0
         squares = np.add.reduceat(self.weights**2, self.offsets[:-1][filled])
-        return float(np.finfo(np.float32).eps / 2 * 2**self.kernel.power * np.sqrt(np.median(squares)))
+        longer = self._lengths[filled] ** (2 * self.kernel.power)
+        return float(np.finfo(np.float32).eps / 2 * 2**self.kernel.power * np.sqrt(np.median(longer * squares)))
+
+    @cached_property
+    def _lengths(self) -> FloatArray:
+        """(M,) how many times as long, at most, stretched coordinates of each ball are."""
+        stretches = np.eye(1)[np.newaxis] if self.stretches is None else self.stretches
+        return np.broadcast_to(np.abs(stretches).sum(axis=2).max(axis=1), len(self.tails))
 
     @cached_property
     def _single(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:

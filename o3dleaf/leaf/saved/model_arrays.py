@@ -54,6 +54,7 @@ ARRAYS: dict[type, dict[str, Array]] = {
         "smoothing_per_ball": floats("k", optional=True),
         "point_weights": floats("t", optional=True),
         "point_groups": Array(np.int64, ("t",), optional=True),
+        "stretches": floats("k", "d", "d", optional=True),
     },
     LocalColumns: {
         "tails": floats("k", "c", "q"),

@@ -84,7 +84,7 @@ def is_better_split(ball, values, balls, sheets, system):
     members = rows_of(balls, ball)
     rows = members[values.groups[members] == members][::HELD_OUT]
     asked = np.concatenate((rows, sites_of(ball, values, sheets)))
-    queries, _ = gather(data.points, data.values, asked, balls.centers[ball], balls.radii[ball])
+    queries, _ = gather(data, asked, balls, ball)
     measured = queries[:, : rows.size].copy()
     one = predict(ball, rows, measured, values, balls, exponents, system.power, system.of_balls)
     many, few = np.zeros(asked.size), exponents[: system.terms]
@@ -137,8 +137,7 @@ def predict(ball, rows, queries, values, balls, exponents, power, diagonals):
             kept[count] = row
             count += 1
     kept = kept[:count]
-    center, radius = balls.centers[ball], balls.radii[ball]
-    sites, known = gather(data.points, data.values, kept, center, radius)
-    diagonal = diagonals[ball] / radius**power / data.weights[kept]
+    sites, known = gather(data, kept, balls, ball)
+    diagonal = diagonals[ball] / balls.radii[ball] ** power / data.weights[kept]
     weights, tail, _, _ = solve_local(sites, known, exponents, power, diagonal)
     return spline_values(sites, weights, tail, exponents, power, queries)

@@ -40,7 +40,7 @@ def bundle(d, count=60, seed=2):
 def one_ball(points, values, weights, kernel, degree):
     """What compiled loops take of a ball, here of radius 1 about the origin, with all points: its units are theirs."""
     count, d = points.shape
-    balls = Balls(np.zeros((1, d)), np.ones(1), np.array([0, count]), np.arange(count))
+    balls = Balls(np.zeros((1, d)), np.ones(1), np.array([0, count]), np.arange(count), np.empty((0, d, d)))
     return 0, WeightedValues(points, values, weights), balls, tail_exponents(d, degree), kernel.power
 
 
