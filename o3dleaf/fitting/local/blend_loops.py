@@ -190,8 +190,7 @@ def spline_jets(model, ball, z, count, space, level, local):
 def stretched_jets(model, ball, z, count, space, level, local):
     """`ball_jets` of splines in stretched coordinates."""
     matrix, stretched = model.stretches[ball], space.stretched
-    stretched[:, :count] = z[:, :count]
-    stretch(matrix, stretched, count)
+    stretch(matrix, z, count, stretched)
     ball_jets(model.splines, ball, stretched, count, space, level, local)
     stretch_jets(matrix, local, count)
 

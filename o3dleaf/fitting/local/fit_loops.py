@@ -76,7 +76,7 @@ def gather(data, rows, balls, ball):
         for axis in range(dimension):
             local[axis, j] = (points[rows[j], axis] - center[axis]) / radius
     if len(balls.stretches) > 0:
-        stretch(balls.stretches[ball], local, count)
+        stretch(balls.stretches[ball], local.copy(), count, local)
     return local, values
 
 

@@ -20,17 +20,14 @@ def scale_jets(jets, count, factor, dimension):
 
 
 @njit(nogil=True, cache=True)
-def stretch(matrix, rows, count):
-    """Multiply the first columns of the rows (d, ·) with a symmetric matrix (d, d), in place."""
-    dimension = len(matrix)
-    moved = np.empty(dimension)
-    for i in range(count):
-        for a in range(dimension):
-            moved[a] = 0.0
-            for b in range(dimension):
-                moved[a] += matrix[a, b] * rows[b, i]
-        for a in range(dimension):
-            rows[a, i] = moved[a]
+def stretch(matrix, rows, count, product):
+    """Write the first columns of the rows (d, ·), multiplied with a matrix (d, d), into `product` (d, ·)."""
+    for a in range(len(matrix)):
+        for i in range(count):
+            product[a, i] = matrix[a, 0] * rows[0, i]
+        for b in range(1, len(matrix)):
+            for i in range(count):
+                product[a, i] += matrix[a, b] * rows[b, i]
 
 
 @njit(nogil=True, cache=True)
@@ -38,18 +35,18 @@ def stretch_jets(matrix, jets, count):
     """Turn derivatives by stretched coordinates A z into derivatives by z: A g and A H A, in place."""
     dimension = len(matrix)
     if len(jets) > 1:
-        stretch(matrix, jets[1 : 1 + dimension], count)
+        stretch(matrix, jets[1 : 1 + dimension].copy(), count, jets[1 : 1 + dimension])
     if len(jets) <= 1 + dimension:
         return
-    second = np.empty((dimension, dimension))
+    second, half = np.empty((dimension, dimension)), np.empty((dimension, dimension))
     for i in range(count):
         row = 1 + dimension
         for a in range(dimension):
             for b in range(a, dimension):
                 second[a, b] = second[b, a] = jets[row, i]
                 row += 1
-        stretch(matrix, second, dimension)
-        stretch(matrix, second.T, dimension)
+        stretch(matrix, second, dimension, half)
+        stretch(matrix, half.T, dimension, second)
         row = 1 + dimension
         for a in range(dimension):
             for b in range(a, dimension):
