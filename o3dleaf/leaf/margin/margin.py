@@ -89,7 +89,7 @@ class Margin:
 
         The triangles that the sample covers (`cover_sample`) are smoothed along their border and grown by what a
         sample leaves out there (`missing_area`), less what noise has added; sharp tips are found. For a random
-        sample the curve then moves to where it is most likely (`fit_edge`), and the flanks of tips are continued.
+        sample the curve then moves to where it is most likely (`fit_edge`), and so do both flanks of tips together.
         A border that a mesh's vertices trace is the margin itself (`border_of`).
 
         Parameters

@@ -24,6 +24,7 @@ from tolerances import (
     FITTED_EDGE,
     FOUND_EDGE,
     PART_OF_THE_WAY,
+    TIP_FLANKS,
     TIP_LENGTH,
 )
 
@@ -136,13 +137,17 @@ def test_corners_stay_where_a_stiffer_curve_would_cut_them():
     assert np.mean(off) < CORNER_HELD
 
 
-def test_a_narrow_tip_ends_in_the_mean_where_the_leaf_does():
-    """Tips of 20 degrees; the last points are 1.6 spacings short in the mean."""
-    leaf, short = leaves.strip(20, length=45.0), []
+def test_a_narrow_tip_ends_in_the_mean_where_the_leaf_does_and_its_flanks_lie_there():
+    """Tips of 15 degrees; the last points are 1.9 spacings short in the mean."""
+    leaf, short, off = leaves.strip(15, length=45.0), [], []
     for seed in range(8):
         points = leaves.uniform(leaf, 470, np.random.default_rng(seed))
-        short.append((45 - Margin.fit(points).bounds[1, 0]) / leaves.true_spacing(leaf, points))
+        spacing = leaves.true_spacing(leaf, points)
+        found, near = Margin.fit(points).polygon, shapely.Point(45.0, 0.0).buffer(12 * spacing)
+        short.append((45 - found.bounds[2]) / spacing)
+        off.append(found.symmetric_difference(leaf).intersection(near).area / spacing**2)
     assert abs(np.mean(short)) < TIP_LENGTH
+    assert np.mean(off) < TIP_FLANKS
 
 
 def test_the_curve_stays_for_a_lattice_and_over_what_was_filled():

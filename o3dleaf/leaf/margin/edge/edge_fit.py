@@ -81,12 +81,12 @@ def fit_edge(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeF
     Korostelev, A. P., Tsybakov, A. B. (1993): Minimax theory of image reconstruction. Springer.
     """
     frame = edge_frame(curve, apexes, sample)
-    seen, bandwidth = sample.seen(frame), np.full(len(frame.curve), FIRST)
+    seen, bandwidth = sample.seen(frame.spacing), np.full(len(frame.curve), FIRST)
     moved = most_likely(frame, seen.blur, seen.information * bandwidth**6, np.zeros(len(frame.curve)))
     curve = moved_apart(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share(frame))
     # Distances are taken anew from where the curve has come to.
     frame = edge_frame(curve, curve[frame.apexes], sample)
-    seen = sample.seen(frame)
+    seen = sample.seen(frame.spacing)
     moved, bandwidth = widened(frame, seen)
     curve = moved_apart(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share(frame))
     return EdgeFit(curve, frame.spacing, frame.observed, frame.apexes)

@@ -60,11 +60,12 @@ class EdgeSample:
     thinned_to: float = 0.0
     lines: SampleLines | None = None
 
-    def seen(self, frame: "EdgeFrame") -> BlurredEdge:
-        """Return what the edge is seen through at the nodes, with more points along it than the density inside."""
+    def seen(self, spacing: FloatArray) -> BlurredEdge:
+        """Return what the edge is seen through where spacings are (n,), with more points along it than inside."""
+        noise = np.minimum(self.noise / spacing, MAX_NOISE)
         if self.thinned_to > 0:
-            return blurred(frame.noise, excess_beside(self.thinned_to / frame.spacing), SHUT_OUT)
-        return blurred(frame.noise, self.excess)
+            return blurred(noise, excess_beside(self.thinned_to / spacing), SHUT_OUT)
+        return blurred(noise, self.excess)
 
     def share(self, frame: "EdgeFrame") -> FloatArray:
         """Return the share (n,) of the way to the curve of greatest likelihood that is gone.

@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+import shapely
+from scipy.spatial import cKDTree
+
+import planar_leaves as leaves
+from o3dleaf.leaf.margin.edge.edge_fit import EdgeFit, fit_edge
+from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample
+from o3dleaf.leaf.margin.edge.tip_ends import TipLikelihood, with_ends
+from o3dleaf.leaf.margin.margin_curve import Spacing
+from tolerances import TIP_LEAST, TIP_SLOPE
+
+LENGTH, POINTS = 45.0, 470
+SHAPE = np.array([2.4, 0.25, 0.004, 0.1, -0.05, 0.006])
+"""Half width, taper and bulge; place, slope and bend of the middle line."""
+
+
+def tip_of(seed, filled=None, randomness=1.0):
+    """A tip of 20 degrees drawn in a spacing of 1: the most likely curve from the true one, and its sample."""
+    leaf, rng = leaves.strip(20, length=LENGTH), np.random.default_rng(seed)
+    points = leaves.uniform(leaf, POINTS, rng)
+    unit = leaves.true_spacing(leaf, points)
+    points, leaf = points / unit, shapely.affinity.scale(leaf, 1 / unit, 1 / unit, origin=(0, 0))
+    filled = shapely.MultiPolygon() if filled is None else filled
+    sample = EdgeSample(Spacing(cKDTree(points), np.ones(len(points))), 0.0, randomness, filled)
+    apex = np.array([[LENGTH / unit, 0.0]])
+    return leaf, fit_edge(shapely.get_coordinates(leaf.exterior)[:-1], apex, sample), sample
+
+
+def points_of(seed):
+    """Points, a spacing apart in the mean, of the tip of that shape, and two strays."""
+    rng = np.random.default_rng(seed)
+    u, v = rng.uniform(0.0, 12.0, 96), rng.uniform(-4.0, 4.0, 96)
+    half, middle = SHAPE[:3] @ [u**0, -u, u**2], SHAPE[3:] @ [u**0, u, u**2]
+    inside = np.abs(v - middle) < half
+    return np.append(u[inside], [11.5, 6.0]), np.append(v[inside], [0.5, 3.5])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_gradient_is_that_of_differences(seed):
+    likelihood = TipLikelihood(*points_of(seed), 0.35, 2.5, 10.0)
+    slope = likelihood(SHAPE)[1]
+    steps = 1e-6 * np.eye(len(SHAPE))
+    differences = [(likelihood(SHAPE + step)[0] - likelihood(SHAPE - step)[0]) / 2e-6 for step in steps]
+    assert slope == pytest.approx(differences, rel=TIP_SLOPE, abs=TIP_SLOPE)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_scoring_ends_where_the_gradient_is_none(seed):
+    likelihood = TipLikelihood(*points_of(seed), 0.35, 2.5, 10.0)
+    start = np.array([2.5, 0.25, 0.0, 0.0, 0.0, 0.0])
+    slope, information = likelihood(likelihood.least(start))[1:]
+    assert slope @ np.linalg.solve(information, slope) < TIP_LEAST
+
+
+def test_a_tip_over_a_gap_that_was_filled_stays():
+    box = shapely.box(30.0, 1.0, 36.0, 6.0)
+    _, edge, sample = tip_of(0, filled=shapely.MultiPolygon([box]))
+    assert np.array_equal(with_ends(edge, sample), edge.curve)
+    assert not np.array_equal(with_ends(*tip_of(0)[1:]), edge.curve)
+
+
+def test_a_tip_goes_as_much_of_the_way_as_its_sample_is_random():
+    _, edge, whole = tip_of(1)
+    half = EdgeSample(whole.local, 0.0, 0.5, whole.filled)
+    assert with_ends(edge, half) == pytest.approx((with_ends(edge, whole) + edge.curve) / 2)
+
+
+def test_a_notch_is_no_tip():
+    """The same rows the other way around: the leaf lies outside of them."""
+    _, edge, sample = tip_of(2)
+    count = len(edge.curve)
+    around = EdgeFit(edge.curve[::-1], edge.spacing[::-1], edge.observed[::-1], [count - 1 - edge.apexes[0]])
+    assert np.array_equal(with_ends(around, sample), around.curve)
