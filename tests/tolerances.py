@@ -1153,10 +1153,10 @@ TIP_LEAST = 0.02
 """Square of the gradient in the metric of the information, twice what a step would gain: found 3e-3, as steps of
 scoring gain ever less; 5 at the start."""
 TIP_LENGTH = 1.0
-"""Spacings, mean of eight tips of 15 degrees, found 0.7 short, each 1.5 either way; 1.4 where each flank is found by
+"""Spacings, mean of eight tips of 15 degrees, found 0.5 short, each 1.2 either way; 1.4 where each flank is found by
 itself."""
-TIP_FLANKS = 4.0
-"""Squares of the spacing between the same tips and their leaf, over the last twelve spacings, found 3.6; 4.3 where each
+TIP_FLANKS = 3.8
+"""Squares of the spacing between the same tips and their leaf, over the last twelve spacings, found 3.2; 4.3 where each
 flank is found by itself."""
 
 EDGE_NOISE = 0.06

@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 import planar_leaves as leaves
 from o3dleaf.leaf.margin.edge.edge_fit import EdgeFit, fit_edge
 from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample
-from o3dleaf.leaf.margin.edge.tip_ends import TipLikelihood, with_ends
+from o3dleaf.leaf.margin.edge.tip_ends import TipLikelihood, _tip, with_ends
 from o3dleaf.leaf.margin.margin_curve import Spacing
 from tolerances import TIP_LEAST, TIP_SLOPE
 
@@ -54,21 +54,35 @@ def test_scoring_ends_where_the_gradient_is_none(seed):
 
 
 def test_a_tip_over_a_gap_that_was_filled_stays():
-    box = shapely.box(30.0, 1.0, 36.0, 6.0)
+    box = shapely.box(38.0, 0.8, 44.0, 6.0)
     _, edge, sample = tip_of(0, filled=shapely.MultiPolygon([box]))
     assert np.array_equal(with_ends(edge, sample), edge.curve)
     assert not np.array_equal(with_ends(*tip_of(0)[1:]), edge.curve)
 
 
-def test_a_tip_goes_as_much_of_the_way_as_its_sample_is_random():
-    _, edge, whole = tip_of(1)
-    half = EdgeSample(whole.local, 0.0, 0.5, whole.filled)
-    assert with_ends(edge, half) == pytest.approx((with_ends(edge, whole) + edge.curve) / 2)
+@pytest.mark.parametrize("seed", range(8))
+def test_the_tip_of_a_sample_moves_and_that_of_a_lattice_stays(seed):
+    _, edge, sample = tip_of(seed)
+    lattice = EdgeSample(sample.local, 0.0, 0.0, sample.filled)
+    assert not np.array_equal(with_ends(edge, sample), edge.curve)
+    assert np.array_equal(with_ends(edge, lattice), edge.curve)
+
+
+def test_tips_of_a_short_leaf_have_half_of_each_flank():
+    leaf = shapely.Polygon([(-9, 0), (0, -2.2), (9, 0), (0, 2.2)])
+    points = leaves.uniform(leaf, round(leaf.area), np.random.default_rng(0))
+    sample = EdgeSample(Spacing(cKDTree(points), np.ones(len(points))), 0.0, 1.0, shapely.MultiPolygon())
+    edge = fit_edge(shapely.get_coordinates(leaf.exterior)[:-1], np.array([[9.0, 0.0], [-9.0, 0.0]]), sample)
+    steps = [_tip(edge, apex).steps for apex in edge.apexes]
+    assert 2 * sum(steps) <= len(edge.curve)
+    moved = with_ends(edge, sample)
+    assert shapely.Polygon(moved).is_valid
+    assert not np.array_equal(moved, edge.curve)
 
 
 def test_a_notch_is_no_tip():
     """The same rows the other way around: the leaf lies outside of them."""
     _, edge, sample = tip_of(2)
     count = len(edge.curve)
-    around = EdgeFit(edge.curve[::-1], edge.spacing[::-1], edge.observed[::-1], [count - 1 - edge.apexes[0]])
+    around = EdgeFit(edge.curve[::-1], edge.spacing[::-1], edge.gap[::-1], [count - 1 - edge.apexes[0]])
     assert np.array_equal(with_ends(around, sample), around.curve)

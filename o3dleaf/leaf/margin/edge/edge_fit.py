@@ -48,11 +48,11 @@ DAMPING = 1e-4
 
 @dataclass(frozen=True)
 class EdgeFit:
-    """A closed curve (k, 2), the local spacings (k,) along it, where points were used (k,), the rows of sharp tips."""
+    """A closed curve (k, 2), the local spacings (k,) along it, where it runs over gaps (k,), the rows of sharp tips."""
 
     curve: FloatArray
     spacing: FloatArray
-    observed: BoolArray
+    gap: BoolArray
     apexes: list[int]
 
 
@@ -89,7 +89,7 @@ def fit_edge(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeF
     seen = sample.seen(frame.spacing)
     moved, bandwidth = widened(frame, seen)
     curve = moved_apart(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share(frame))
-    return EdgeFit(curve, frame.spacing, frame.observed, frame.apexes)
+    return EdgeFit(curve, frame.spacing, frame.gap, frame.apexes)
 
 
 def widened(frame: EdgeFrame, seen: BlurredEdge) -> tuple[FloatArray, FloatArray]:

@@ -7,7 +7,7 @@ from scipy.special import expit, ndtr
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.edge.edge_fit import EdgeFit
-from o3dleaf.leaf.margin.edge.edge_frame import NARROW, NODE_STEP, EdgeSample
+from o3dleaf.leaf.margin.edge.edge_frame import NODE_STEP, EdgeSample
 from o3dleaf.leaf.margin.edge.edge_score import KERNEL
 
 WIDE, LONG = 5.0, 10.0
@@ -92,8 +92,7 @@ def _tip(edge: EdgeFit, apex: int) -> _Tip | None:
     width = np.hypot(*(one - other).T) / spacing
     wide = np.flatnonzero((width > WIDE) & (steps * NODE_STEP > LONG))
     last = int(wide[0]) if len(wide) else len(steps) - 1
-    seen = edge.observed[(apex - steps) % count] & edge.observed[(apex + steps) % count]
-    if not seen[: last + 1][width[: last + 1] > 2 * NARROW].all():
+    if edge.gap[(apex + np.arange(-steps[last], steps[last] + 1)) % count].any():
         return None
     origin, middle = ((one[row] + other[row]) / 2 for row in (last, last // 2))
     axis = middle - origin
