@@ -53,6 +53,30 @@ def test_scoring_ends_where_the_gradient_is_none(seed):
     assert slope @ np.linalg.solve(information, slope) < TIP_LEAST
 
 
+def test_the_more_points_the_more_parameters_they_tell():
+    u, v = points_of(0)
+    few, many = (TipLikelihood(np.tile(u, k), np.tile(v, k), 0.35, 2.5, 10.0) for k in (1, 10_000))
+    assert few.parameters(SHAPE) < 5 < many.parameters(SHAPE) < 6
+
+
+def test_what_has_no_end_within_reach_stays():
+    """A strip that goes on beyond the square end of the curve."""
+    leaf = shapely.box(0, -2.5, 60, 2.5)
+    points = leaves.uniform(leaf, round(leaf.area), np.random.default_rng(0))
+    sample = EdgeSample(Spacing(cKDTree(points), np.ones(len(points))), 0.0, 1.0, shapely.MultiPolygon())
+    curve = shapely.get_coordinates(shapely.box(0, -2.5, 40, 2.5).exterior)[:-1]
+    edge = fit_edge(curve, np.array([[40.0, 0.0]]), sample)
+    assert np.array_equal(with_ends(edge, sample), edge.curve)
+
+
+def test_a_tip_of_fewer_points_than_parameters_stays():
+    _, edge, sample = tip_of(0)
+    points = np.asarray(sample.local.tree.data)
+    away = points[points[:, 0] < edge.curve[edge.apexes[0], 0] - 20.0]
+    few = EdgeSample(Spacing(cKDTree(away), np.ones(len(away))), 0.0, 1.0, sample.filled)
+    assert np.array_equal(with_ends(edge, few), edge.curve)
+
+
 def test_a_tip_over_a_gap_that_was_filled_stays():
     box = shapely.box(38.0, 0.8, 44.0, 6.0)
     _, edge, sample = tip_of(0, filled=shapely.MultiPolygon([box]))

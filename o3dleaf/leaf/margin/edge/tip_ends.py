@@ -14,6 +14,8 @@ WIDE, LONG = 5.0, 10.0
 """Spacings of width, and from the end, up to which at least a tip is fitted: farther leaves bend."""
 FEWEST_NODES = 6
 """Nodes to each side at least that a tip has."""
+FEWEST_POINTS = 6
+"""Points of a tip at least: as many as it has parameters."""
 BEYOND = 8.0
 """Spacings beyond the curve up to which a tip may end, and its points are looked for."""
 BESIDE = 2.0
@@ -111,6 +113,8 @@ def _flanks(tip: _Tip, sample: EdgeSample) -> FloatArray | None:
     way = (np.asarray(sample.local.tree.data) - tip.origin) / tip.spacing
     u, v = way @ tip.axis, way @ tip.side
     near = (u > 0) & (u < tip.length + BEYOND) & (np.abs(v) < tip.half_width + BESIDE)
+    if near.sum() < FEWEST_POINTS:
+        return None
     likelihood = TipLikelihood(u[near], v[near], float(seen.blur[0]), tip.half_width, tip.length)
     start = np.array([tip.half_width, tip.half_width / tip.length, 0.0, 0.0, 0.0, 0.0])
     h0, taper, bulge, *middle = shape = likelihood.least(start)
@@ -170,7 +174,7 @@ class TipLikelihood:
 
     def parameters(self, shape: FloatArray) -> float:
         """Return how many parameters the points tell: the trace of what they add to the inverse of the information."""
-        return float(len(shape) - self.known @ np.linalg.inv(self(shape)[2]).diagonal())
+        return float(len(shape) - self.known @ np.linalg.pinv(self(shape)[2], hermitian=True).diagonal())
 
     def least(self, shape: FloatArray) -> FloatArray:
         """Return what it is least for, from a start (6,), by Fisher's scoring."""
