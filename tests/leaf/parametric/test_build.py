@@ -143,7 +143,6 @@ def test_what_steps_from_a_leaf_to_the_ground_is_refused_with_its_place(monkeypa
     assert len(refusal.value.places)
 
 
-@pytest.mark.slow
 def test_a_leaf_scanned_with_ground_that_is_no_plane_is_refused_at_once_and_its_piece_is_the_leaf(monkeypatch):
     """One spacing above it, at the middle: more smoothing would not make one surface of both, and is not tried."""
     step = 0.8
