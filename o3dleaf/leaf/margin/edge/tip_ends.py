@@ -10,8 +10,8 @@ from o3dleaf.leaf.margin.edge.edge_fit import EdgeFit
 from o3dleaf.leaf.margin.edge.edge_frame import NODE_STEP, EdgeSample
 from o3dleaf.leaf.margin.edge.edge_score import KERNEL
 
-WIDE, LONG = 5.0, 10.0
-"""Spacings of width, and from the end, up to which at least a tip is fitted: farther leaves bend."""
+WIDE, LONG, LONGEST = 5.0, 10.0, 20.0
+"""Spacings of width, and from the end, up to which at least a tip is fitted, and at most: farther leaves bend."""
 FEWEST_NODES = 6
 """Nodes to each side at least that a tip has."""
 FEWEST_POINTS = 6
@@ -25,6 +25,8 @@ BEGINS = 0.15
 BENT = 1 / 30
 """Deviation of half the curvature, over spacings, of a tip's middle line and of each flank's distance to it: both bend
 little over the ten spacings of a tip."""
+NOISY = 2.0
+"""Deviations of the noise by which a point may lie beyond the end."""
 STRAY = 0.02
 """Density of points that are of no tip, over the sample's: one that lies far off moves no flank."""
 SOFT = 0.1
@@ -92,7 +94,8 @@ def _tip(edge: EdgeFit, apex: int) -> _Tip | None:
     one, other = edge.curve[(apex - steps) % count], edge.curve[(apex + steps) % count]
     spacing = float(edge.spacing[(apex + np.arange(-steps[-1], steps[-1] + 1)) % count].mean())
     width = np.hypot(*(one - other).T) / spacing
-    wide = np.flatnonzero((width > WIDE) & (steps * NODE_STEP > LONG))
+    away = steps * NODE_STEP
+    wide = np.flatnonzero((width > WIDE) & (away > LONG) | (away > LONGEST))
     last = int(wide[0]) if len(wide) else len(steps) - 1
     if edge.gap[(apex + np.arange(-steps[last], steps[last] + 1)) % count].any():
         return None
@@ -126,8 +129,11 @@ def _flanks(tip: _Tip, sample: EdgeSample) -> FloatArray | None:
     ends = ends[np.isreal(ends) & (ends.real > 0)].real
     if not len(ends) or ends.min() > tip.length + BEYOND:
         return None
-    u = np.arange(1, tip.steps + 1) / tip.steps * ends.min()
-    half = np.maximum(half_widths(u), 0.0)
+    # Not before its last point: strays lie beside a tip, not on its middle line.
+    on_it = near & (np.abs(v - np.polynomial.polynomial.polyval(u, middle)) < WIDE / 2) & (u < ends.min() + WIDE)
+    end = max(ends.min(), u[on_it].max(initial=0.0) - NOISY * sample.noise / tip.spacing)
+    share = np.arange(1, tip.steps + 1) / tip.steps
+    half, u = np.maximum(half_widths(share * ends.min()), 0.0), share * end
     line = tip.origin + tip.spacing * u[:, None] * tip.axis
     before, after = (
         line + tip.spacing * (np.polynomial.polynomial.polyval(u, middle) + each)[:, None] * tip.side
