@@ -2,9 +2,9 @@
 
 python scripts/measure_tips.py [--held-out] [--seeds N]
 
-Each leaf is 45 spacings long, with a tip of some angle whose flanks are straight, hollow or full, along a straight line
-or a circle. Within twelve spacings of the end: how far the end is from the margin, the length of margin farther than a
-spacing from the true one and of the true one from it, the largest distance, and areas; all in spacings.
+Each leaf is 45 spacings long, with a tip of some angle whose flanks are straight, concave or convex, along a straight
+line or a circle. Within twelve spacings of the end: how far the end is from the margin, the length of margin farther
+than a spacing from the true one and of the true one from it, the largest distance, and areas; all in spacings.
 """
 
 import argparse

@@ -5,8 +5,9 @@ from scipy.spatial import cKDTree
 
 import planar_leaves as leaves
 from o3dleaf.leaf.margin.edge.edge_fit import EdgeFit, fit_edge
-from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample
-from o3dleaf.leaf.margin.edge.tip_ends import TipLikelihood, _tip, with_ends
+from o3dleaf.leaf.margin.edge.edge_frame import NODE_STEP, EdgeSample
+from o3dleaf.leaf.margin.edge.tip_ends import LONGEST, _tip, with_ends
+from o3dleaf.leaf.margin.edge.tip_likelihood import TipLikelihood
 from o3dleaf.leaf.margin.margin_curve import Spacing
 from tolerances import TIP_LEAST, TIP_SLOPE
 
@@ -90,6 +91,22 @@ def test_the_tip_of_a_sample_moves_and_that_of_a_lattice_stays(seed):
     lattice = EdgeSample(sample.local, 0.0, 0.0, sample.filled)
     assert not np.array_equal(with_ends(edge, sample), edge.curve)
     assert np.array_equal(with_ends(edge, lattice), edge.curve)
+
+
+def test_a_tip_does_not_end_before_its_last_point():
+    _, edge, sample = tip_of(3)
+    found = with_ends(edge, sample)[edge.apexes[0]]
+    points = np.vstack([np.asarray(sample.local.tree.data), found + [3.0, 0.0]])
+    more = EdgeSample(Spacing(cKDTree(points), np.ones(len(points))), 0.0, 1.0, sample.filled)
+    assert with_ends(edge, more)[edge.apexes[0], 0] > found[0] + 2.9
+
+
+def test_of_a_long_tip_its_end_is_looked_at():
+    leaf = leaves.strip(2, width=4.0, length=80.0)
+    points = leaves.uniform(leaf, round(leaf.area), np.random.default_rng(0))
+    sample = EdgeSample(Spacing(cKDTree(points), np.ones(len(points))), 0.0, 1.0, shapely.MultiPolygon())
+    edge = fit_edge(shapely.get_coordinates(leaf.exterior)[:-1], np.array([[80.0, 0.0]]), sample)
+    assert _tip(edge, edge.apexes[0]).steps * NODE_STEP <= LONGEST + NODE_STEP
 
 
 def test_tips_of_a_short_leaf_have_half_of_each_flank():

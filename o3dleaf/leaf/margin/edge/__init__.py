@@ -8,5 +8,6 @@
 `edge_excess`        how many points more there are along it, of a thinned sample
 `least_distance`     the distance that a sample was thinned to, and what that makes of its edge
 `tip_ends`           where the width of a tip falls to nothing
+`tip_likelihood`     the likelihood of the points of a tip, by its half width and its middle line
 `lines_variance`     how well the area inside is known where points lie on lines
 """
