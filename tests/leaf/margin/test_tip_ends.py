@@ -16,14 +16,14 @@ SHAPE = np.array([2.4, 0.25, 0.004, 0.1, -0.05, 0.006])
 """Half width, taper and bulge; place, slope and bend of the middle line."""
 
 
-def tip_of(seed, filled=None, randomness=1.0):
-    """A tip of 20 degrees drawn in a spacing of 1: the most likely curve from the true one, and its sample."""
-    leaf, rng = leaves.strip(20, length=LENGTH), np.random.default_rng(seed)
+def tip_of(seed, filled=None, angle=20):
+    """A tip of so many degrees drawn in a spacing of 1: the most likely curve from the true one, and its sample."""
+    leaf, rng = leaves.strip(angle, length=LENGTH), np.random.default_rng(seed)
     points = leaves.uniform(leaf, POINTS, rng)
     unit = leaves.true_spacing(leaf, points)
     points, leaf = points / unit, shapely.affinity.scale(leaf, 1 / unit, 1 / unit, origin=(0, 0))
     filled = shapely.MultiPolygon() if filled is None else filled
-    sample = EdgeSample(Spacing(cKDTree(points), np.ones(len(points))), 0.0, randomness, filled)
+    sample = EdgeSample(Spacing(cKDTree(points), np.ones(len(points))), 0.0, 1.0, filled)
     apex = np.array([[LENGTH / unit, 0.0]])
     return leaf, fit_edge(shapely.get_coordinates(leaf.exterior)[:-1], apex, sample), sample
 
@@ -93,12 +93,14 @@ def test_the_tip_of_a_sample_moves_and_that_of_a_lattice_stays(seed):
     assert np.array_equal(with_ends(edge, lattice), edge.curve)
 
 
-def test_a_tip_does_not_end_before_its_last_point():
-    _, edge, sample = tip_of(3)
+@pytest.mark.parametrize(("beyond", "moves"), [(3.0, True), (5.5, False)])
+def test_a_blunt_tip_does_not_end_before_its_last_point_but_before_a_stray(beyond, moves):
+    _, edge, sample = tip_of(3, angle=70)
     found = with_ends(edge, sample)[edge.apexes[0]]
-    points = np.vstack([np.asarray(sample.local.tree.data), found + [3.0, 0.0]])
+    points = np.vstack([np.asarray(sample.local.tree.data), found + [beyond, 0.0]])
     more = EdgeSample(Spacing(cKDTree(points), np.ones(len(points))), 0.0, 1.0, sample.filled)
-    assert with_ends(edge, more)[edge.apexes[0], 0] > found[0] + 2.9
+    ended = with_ends(edge, more)[edge.apexes[0], 0]
+    assert (ended > found[0] + 0.95 * beyond) == moves
 
 
 def test_of_a_long_tip_its_end_is_looked_at():
