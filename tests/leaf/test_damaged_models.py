@@ -3,6 +3,7 @@
 import contextlib
 import json
 import zlib
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import o3dleaf as o3l
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.io.models.model_file import MAGIC, PREFIX
+from o3dleaf.leaf.saved.model_arrays import check_model
 from o3dleaf.leaf.saved.models import load
 from o3dleaf.samples.scan import wheat_scan
 
@@ -180,3 +182,21 @@ def test_nothing_is_as_deep_as_a_header_may_say(tmp_path):
     file.write_bytes(PREFIX.pack(MAGIC, len(text), zlib.crc32(text)) + text)
     with pytest.raises(InputError, match="save the model again"):
         load(file)
+
+
+@pytest.mark.parametrize(
+    ("place", "part"), [(0, np.ones(2)), (1, np.ones((3, 4, 3, 2))), (2, 9), (2, -1), (2, 1.0), (3, "1"), (None, None)]
+)
+def test_choices_of_smoothing_that_are_none_are_refused(place, part):
+    rng = np.random.default_rng(0)
+    points, groups = rng.uniform(0, 1, (200, 3)), np.arange(200) // 2 * 2
+    values = points[groups, 0] + 0.1 * rng.normal(size=200)
+    local = o3l.PUInterpolant.fit(points, values, smoothing="gcv-per-ball", groups=groups).local
+    check_model(local)
+    trials = list(local.trials)
+    if place is None:
+        del trials[-1]
+    else:
+        trials[place] = part
+    with pytest.raises(InputError):
+        check_model(replace(local, trials=tuple(trials)))

@@ -178,14 +178,12 @@ class BallSmoothing(NamedTuple):
 
     @classmethod
     def chosen(
-        cls, cover: Cover, data: ScatteredData, model: SplineModel, terms: IntArray, per_ball: FloatArray | None
+        cls, cover: Cover, data: ScatteredData, model: SplineModel, terms: IntArray, trials: SharedTrials | None = None
     ) -> "BallSmoothing":
-        """Choose it, unless `per_ball` says it."""
-        if per_ball is not None:
-            return cls(model.smoothing, per_ball, None)
+        """Choose it, or what the balls are to choose among, unless that is known."""
         if model.smoothing.value == "gcv-per-ball" and data.groups is not None:
-            trials = SharedErrors(cover, data, model, terms).agreed()[1]
-            return cls(model.smoothing, np.empty(len(cover.radii)), trials)
+            known = SharedErrors(cover, data, model, terms).agreed()[1] if trials is None else SharedTrials(*trials)
+            return cls(model.smoothing, np.empty(len(cover.radii)), known)
         return cls(*choose_smoothing(cover, data, model, terms), None)
 
 

@@ -19,7 +19,7 @@ from o3dleaf.fitting.local import fit_loops
 from o3dleaf.fitting.local.blend_loops import SplineBalls, StretchedBalls
 from o3dleaf.fitting.local.blending import blend_balls, single_error
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns, fit_columns
-from o3dleaf.fitting.local.fit_loops import SplineArrays, Tails
+from o3dleaf.fitting.local.fit_loops import SharedTrials, SplineArrays, Tails
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, ScatteredData
 from o3dleaf.fitting.local.smoothing_selection import BallSmoothing
 from o3dleaf.fitting.local.stretches import StretchedCover, stretched
@@ -63,25 +63,22 @@ def fit_splines(
     data: ScatteredData,
     model: SplineModel,
     terms: IntArray | None = None,
-    per_ball: FloatArray | None = None,
+    known: SharedTrials | None = None,
 ) -> "LocalSplines":
     """Fit a spline to the points of every ball.
 
-    Of the tail's monomials, lowest degree first, ball i has ``terms[i]``, or all of them. Where each ball's own
-    smoothing is known, it is ``per_ball[i]``.
+    Of the tail's monomials, lowest degree first, ball i has ``terms[i]``, or all of them. What balls choose their
+    smoothing among may be `known`.
     """
     count, exponents = len(cover.radii), model.exponents
     tail = Tails(exponents, np.full(count, len(exponents)) if terms is None else terms)
-    choose = model.smoothing.value == "gcv-per-ball" and per_ball is None
     # Balls that choose before their fit take about as long for it, a sample of them nothing.
-    choosing, solving = progress.split(choose and data.groups is None, 1)
+    choosing, solving = progress.split(model.smoothing.value == "gcv-per-ball" and data.groups is None, 1)
     with single_threaded_blas():
         with choosing:
-            chosen = BallSmoothing.chosen(cover, data, model, tail.terms, per_ball)
+            chosen = BallSmoothing.chosen(cover, data, model, tail.terms, known)
         with solving:
             fitted = _fit_balls(cover, data, model.kernel.power, tail, chosen)
-    kept = None if data.weights is None else data.weights[cover.members]
-    groups = data.named[cover.members] if data.share else None
     places = data.points.shape[1] * cover.offsets[:-1]
     sites, weights, tails, ranks, dropped = fitted
     return LocalSplines(
@@ -96,10 +93,11 @@ def fit_splines(
         ranks,
         dropped,
         chosen.per_ball,
-        kept,
-        groups,
+        None if data.weights is None else data.weights[cover.members],
+        data.named[cover.members] if data.share else None,
         data.share,
         cover.stretches if isinstance(cover, StretchedCover) else None,
+        chosen.trials,
     )
 
 
@@ -162,6 +160,8 @@ class LocalSplines:
         The part of the variance that a group has in common, see `ScatteredData`.
     stretches : (M, d, d) ndarray or None
         What the unit coordinates of each ball were multiplied with, where distances are not Euclid's, see `stretched`.
+    trials : SharedTrials or None
+        What the balls chose their smoothing among; read from a file, a plain tuple.
     """
 
     kernel: Polyharmonic
@@ -179,6 +179,7 @@ class LocalSplines:
     point_groups: IntArray | None = None
     share: float = 0.0
     stretches: FloatArray | None = None
+    trials: SharedTrials | None = None
 
     def __repr__(self) -> str:
         return f"LocalSplines({self.kernel}, {len(self.tails):,} balls)"
@@ -204,11 +205,10 @@ class LocalSplines:
         return noise
 
     def fit_alike(self, cover: Cover, data: ScatteredData, balls: IntArray) -> "LocalSplines":
-        """Fit the balls of a cover with the smoothing and stretches of some of these, to which they correspond."""
+        """Fit the balls of a cover with the stretches of some of these and their smoothing, chosen anew if it was."""
         degree = int(self.exponents.sum(axis=1).max())
-        own = None if self.smoothing_per_ball is None else self.smoothing_per_ball[balls]
         over = cover if self.stretches is None else StretchedCover.of(cover, self.stretches[balls])
-        return fit_splines(over, data, SplineModel(self.kernel, degree, self.smoothing), per_ball=own)
+        return fit_splines(over, data, SplineModel(self.kernel, degree, self.smoothing), known=self.trials)
 
     def composed(self, others: "LocalSplines", rows: IntArray) -> "LocalSplines":
         """Return those of the balls of both, one after the other, that are the rows (n,), in their order.

@@ -328,8 +328,8 @@ class PUInterpolant(Blended):
     def with_points(self, data: ScatteredData, count: int) -> "PUInterpolant":
         """Return the interpolant of more data: those balls are fitted again that contain a new point.
 
-        They keep their smoothing, and those with creases lose them. Only `RefittableFits` of scattered data can do it:
-        splines of values, `Hermite`, `CurlFree` and `MovingLeastSquares`.
+        They keep their smoothing, unless each chose its own, and those with creases lose them. Only `RefittableFits` of
+        scattered data can do it: splines of values, `Hermite`, `CurlFree` and `MovingLeastSquares`.
 
         Parameters
         ----------

@@ -10,6 +10,7 @@ from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns
+from o3dleaf.fitting.local.fit_loops import SharedTrials
 from o3dleaf.fitting.local.polynomials import LocalPolynomials
 from o3dleaf.fitting.local.potentials import LocalPotentials
 from o3dleaf.fitting.local.splines import LocalSplines
@@ -20,7 +21,7 @@ from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.parametric.splines import VectorSplines
 from o3dleaf.leaf.parametric.surface import ChartSurface
-from o3dleaf.leaf.saved.array_kinds import Array, everywhere, never_falls
+from o3dleaf.leaf.saved.array_kinds import Array, Sizes, everywhere, floats, never_falls
 from o3dleaf.leaf.texture.hairs.zones import HairZones
 from o3dleaf.leaf.texture.wang.quilt import Quilt
 from o3dleaf.leaf.texture.wang.wang_field import WangField
@@ -49,6 +50,21 @@ def _check_splines(splines: LocalSplines | LocalColumns) -> None:
 
     if not everywhere(len(splines.places), within):
         raise InputError("places: lead beyond the end of the sites")
+    if isinstance(splines, LocalSplines) and splines.trials is not None:
+        _check_trials(splines.trials)
+
+
+def _check_trials(trials: Any) -> None:
+    """Check what balls choose their smoothing among: `SharedTrials`, of a file a plain tuple."""
+    names = SharedTrials._fields
+    if not isinstance(trials, tuple) or len(trials) != len(names):
+        raise InputError(f"trials: are not {', '.join(names)}")
+    sizes: Sizes = {}
+    values, inverses, usual, *factors = trials
+    floats("m").check(values, names[0], sizes)
+    floats("g", "m", "g", "g").check(inverses, names[1], sizes)
+    if not isinstance(usual, int) or not 0 <= usual < len(values) or not all(isinstance(x, float) for x in factors):
+        raise InputError(f"trials: have {usual!r} of {len(values)} for the usual one, and {factors}")
 
 
 def _check_potentials(potentials: LocalPotentials) -> None:

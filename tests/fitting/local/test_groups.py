@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import null_space
 
 import reference
-from o3dleaf import PUInterpolant, RBFInterpolant, get_num_threads, polyharmonic, set_num_threads
+from o3dleaf import PUInterpolant, RBFInterpolant, get_num_threads, load, polyharmonic, set_num_threads
 from o3dleaf.core.checks.attributes import as_rows
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.ball_loops import Balls
@@ -181,11 +181,42 @@ def test_a_ball_that_chooses_on_its_way_to_its_fit_is_fitted_with_what_it_would_
     before = choice.each(choice.agreed()[1])
     np.testing.assert_array_equal(field.local.smoothing_per_ball, before)
     assert len(np.unique(before)) > 3
-    known = fit_splines(field.cover, data, model, per_ball=before)
+    known = [
+        fit_splines(field.cover.only(np.array([ball])), data, Splines(smoothing=float(value)).model(3))
+        for ball, value in enumerate(before)
+    ]
     for name in ("weights", "tails"):
-        expected = getattr(known, name)
+        expected = np.concatenate([getattr(each, name) for each in known])
         atol = CONJUGATE_GRADIENTS * np.abs(expected).max()
         np.testing.assert_allclose(getattr(field.local, name), expected, rtol=0, atol=atol)
+
+
+def test_balls_with_new_points_choose_anew_among_the_same_values_in_a_field_that_was_read_too(tmp_path):
+    """Values above the flat half that it does not go on to: its balls were smoothed for it to be flat."""
+    sites, values, groups, _ = half_flat()
+    field = PUInterpolant.fit(
+        sites, values, smoothing="gcv-per-ball", groups=groups, share=0.5, points_per_ball=(100, 200)
+    )
+    above = np.column_stack([np.full(6, 0.5), np.linspace(0.3, 0.7, 6), np.full(6, 0.2)])
+    data = ScatteredData(
+        np.concatenate([sites, above]),
+        np.append(values, np.full(6, 0.2)),
+        groups=np.append(groups, len(sites) + np.arange(6)),
+        share=0.5,
+    )
+    changed = field.with_points(data, 6)
+    again = np.diff(changed.cover.offsets) > np.diff(field.cover.offsets)
+    before, after = field.local.smoothing_per_ball, changed.local.smoothing_per_ball
+    np.testing.assert_array_equal(after[~again], before[~again])
+    assert (after[again] < before[again]).any()
+    model = Splines(smoothing="gcv-per-ball").model(3)
+    balls = changed.cover.only(np.flatnonzero(again))
+    choice = SharedErrors(balls, data, model, np.full(again.sum(), len(model.exponents)))
+    np.testing.assert_array_equal(after[again], choice.each(field.local.trials))
+    field.save(tmp_path / "field.o3l")
+    from_file = load(tmp_path / "field.o3l").with_points(data, 6)
+    for name in ("smoothing_per_ball", "weights", "tails"):
+        np.testing.assert_array_equal(getattr(from_file.local, name), getattr(changed.local, name))
 
 
 def test_without_noise_each_ball_takes_the_value_of_all():

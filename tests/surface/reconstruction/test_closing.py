@@ -12,6 +12,7 @@ from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.fitting.local.fitter import ScatteredData
 from o3dleaf.surface.reconstruction.fit import surface_data
 from o3dleaf.surface.reconstruction.overshoots import Overshoots, Surroundings
+from o3dleaf.surface.reconstruction.proximity import data_around
 from tolerances import BOX_INDEPENDENCE, CLOSED_GAP, SITES_TO_DATA
 
 
@@ -198,6 +199,21 @@ def test_sites_in_a_gap_are_no_denser_than_the_data_around_it():
     assert (spacing > 2 * spacing.min()).any()  # the gap leads from close data to sparse ones
     sparse = spacing > 2 * spacing.min()
     assert np.median(nearest[sparse] / spacing[sparse]) >= SITES_TO_DATA
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.4])
+def test_noisy_data_are_asked_nearer_and_the_truth_is_half_a_spacing_nearer_than_they_are(noise):
+    points, normals = sphere(2_000)
+    spacing = np.sqrt(4 * np.pi / 2_000)
+    cloud = OrientedCloud.of(points + noise * spacing * np.random.default_rng(4).normal(size=points.shape), normals)
+    around, above = Surroundings(cloud), np.array([[1 + 2 * spacing, 0, 0], [0, 1 + 2 * spacing, 0]])
+    sites, values = around.sites(lambda at: np.ones(len(at)), Overshoots(above, above[:0]))
+    reach, nearest = data_around(cloud, sites)
+    own, past = cloud.point_spacing[nearest], 0.5 if noise else 0.0
+    assert ((reach / own).min() < 1.2) == around.noisy == (noise > 0)
+    np.testing.assert_allclose(values, around.depth(sites) * (cloud.tree.query(sites)[0] - past * own))
+    some = sites[(reach / own > 1.05) & (reach / own < 1.45)]
+    assert around.is_far(some).all() == around.noisy
 
 
 def test_a_gap_is_followed_place_by_place():
