@@ -48,8 +48,8 @@ MODELS = {
     "potentials": lambda: patch(o3l.Hermite()),
     "polynomials": lambda: patch(o3l.MovingLeastSquares()),
     "creases": lambda: patch(o3l.CreasedSplines()),
-    "paper": lambda: leaf("paper"),
     "surface": lambda: leaf("surface"),
+    "paper": lambda: leaf("paper"),
 }
 
 
@@ -80,6 +80,7 @@ def assembled(header, arrays):
     return PREFIX.pack(MAGIC, len(text), zlib.crc32(text)) + text + data
 
 
+@pytest.mark.few(file=7)
 def test_a_flipped_bit_of_an_array_is_noticed_wherever_it_is(file):
     whole = file.read_bytes()
     header, arrays = parts(whole)
@@ -104,6 +105,7 @@ def changes(dtype, rng, count):
     yield rng.integers(-(1 << 62), 1 << 62, count)
 
 
+@pytest.mark.few(file=7)
 def test_made_up_numbers_are_refused_or_harmless(file):
     """Numbers that lead out of an array are refused; what is taken can be evaluated, and ends."""
     whole = file.read_bytes()
@@ -119,6 +121,7 @@ def test_made_up_numbers_are_refused_or_harmless(file):
             outcome(file, whole=dtype.kind == "i")
 
 
+@pytest.mark.few(file=7)
 def test_arrays_in_the_place_of_others_are_refused_or_harmless(file):
     header, arrays = parts(file.read_bytes())
     for k in range(len(arrays)):

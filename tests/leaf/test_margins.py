@@ -114,6 +114,7 @@ def test_windows_are_set_in_beside_a_hole_and_refused_over_its_rim(leaf, closed)
         extract_windows(leaf, 0.25, [([[6.5, -0.2], [8.0, 0.7]], 0.125)], closed=closed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", [False, True])
 def test_remeshing_keeps_the_hole(leaf, closed):
     mesh = MeshPlan(leaf, 0.2, REGION, closed=closed).extract(remesh=0.2)

@@ -34,6 +34,7 @@ def test_what_is_finer_decides():
     assert choose_step(0.03 * LATTICE, 0.48) == choose_step(0.03 * LATTICE, None)
 
 
+@pytest.mark.slow
 def test_the_step_of_a_piece_is_that_of_its_own_points():
     """A leaf of a quarter of the points of another one, far off: its step is twice as long."""
     leaf = o3l.samples.leaf_shape("curled", length=40, width=16)

@@ -181,25 +181,33 @@ def is_one_leaf(mesh, *, closed):
     return report.boundary_loops == (0 if closed else 2)
 
 
-def test_vertices_lie_on_the_surface_and_triangles_to_second_order(leaf, blend_leaf):
+def test_vertices_lie_on_the_surface_and_triangles_to_second_order(leaf):
     assert is_of_second_order(leaf)
+
+
+@pytest.mark.slow
+def test_so_they_do_where_patches_are_blended(blend_leaf):
     assert is_of_second_order(blend_leaf)
 
 
+@pytest.mark.slow
 def test_so_they_do_along_the_normal_of_the_paper_s_blade(normal_leaf):
     assert is_of_second_order(normal_leaf)
 
 
-@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.few(closed=1)
+@pytest.mark.parametrize("closed", [True, False])
 def test_blends_are_manifold_too(blend_leaf, closed):
     assert is_one_leaf(blend_leaf.plan_mesh(0.15, closed=closed).extract(), closed=closed)
 
 
-@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.few(closed=1)
+@pytest.mark.parametrize("closed", [True, False])
 def test_other_offsets_are_manifold_too(normal_leaf, closed):
     assert is_one_leaf(normal_leaf.plan_mesh(0.15, closed=closed).extract(), closed=closed)
 
 
+@pytest.mark.slow
 def test_a_blend_is_each_of_its_patches_away_from_the_break(leaf, whole, blend_leaf):
     """Tiles are not alike there: one row of tiles is made for all of the blade."""
     blend = arrays(blend_leaf.extract_mesh(0.1))[0]

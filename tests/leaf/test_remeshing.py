@@ -91,6 +91,7 @@ def test_each_face_is_a_disc_and_the_rim_a_ring(solid):
         assert (report.components, report.boundary_loops, report.genus) == (1, loops, 0)
 
 
+@pytest.mark.slow
 def test_a_whole_leaf_keeps_within_a_tenth_of_the_spacing_of_its_solid(leaf):
     mesh = leaf.plan_mesh(0.3, closed=True).extract(remesh=0.3)
     vertices, triangles = mesh_arrays(mesh.mesh)

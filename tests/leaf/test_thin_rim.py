@@ -67,7 +67,7 @@ def flat_of(plan):
     return FlatMesh(arrays.vertices, arrays.triangles, arrays.labels)
 
 
-@pytest.mark.few(radius=2)
+@pytest.mark.few(radius=1)
 @pytest.mark.parametrize(("radius", "step"), [(0.1, 0.13), (0.3, STEP), (0.3, 0.06), (1.0, 0.08)])
 def test_a_hairy_solid_with_a_tapered_rim_is_embedded(hairs, radius, step):
     leaf = leaf_with(hairs, radius)

@@ -88,13 +88,18 @@ def test_every_hair_is_whole_or_gone(tiles, leaf, solid):
     assert 0.2 < len(left) / len(full) < 0.8
 
 
-def test_a_map_of_ones_changes_nothing_and_one_of_zeros_leaves_no_hair(tiles, half):
+@pytest.mark.slow
+def test_a_map_of_ones_changes_nothing(tiles, half):
     plain = on_strip(tiles).plan_mesh(STEP, OFF_THE_LATTICE, closed=True).extract().mesh
-    ones, zeros = (on_strip(thinned(tiles, [[share]], zones=half.zones)) for share in (1.0, 0.0))
+    ones = on_strip(thinned(tiles, [[1.0]], zones=half.zones))
     same = ones.plan_mesh(STEP, OFF_THE_LATTICE, closed=True).extract().mesh
     # Small tiles are not set down together here, so that vertices come in another order.
     assert len(same.triangles) == len(plain.triangles)
     assert cKDTree(np.asarray(plain.vertices)).query(np.asarray(same.vertices))[0].max() < SHARPENED * STEP
+
+
+def test_a_map_of_zeros_leaves_no_hair(tiles, half):
+    zeros = on_strip(thinned(tiles, [[0.0]], zones=half.zones))
     bare = zeros.plan_mesh(STEP, closed=True).extract().mesh
     assert len(hairs_of(zeros, bare.vertices)) == 0
     heights = zeros.blade.flatten(np.asarray(bare.vertices))[:, 2]
@@ -255,10 +260,14 @@ def test_a_patch_without_hairs_has_none():
     assert np.array_equal(field(points), bare(points))
 
 
-def test_a_table_of_other_numbers_is_refused(patch, wang):
+def test_a_table_of_other_numbers_is_refused(patch):
     for table in ([[1.5]], [[-0.1]], [0.5], [[np.nan]]):
         with pytest.raises(InputError, match="hair_density"):
             thinned(patch, table)
+
+
+@pytest.mark.slow
+def test_zones_of_other_tiles_are_refused(patch, wang):
     with pytest.raises(InputError, match="zones"):
         thinned(wang, HALF, zones=thinned(patch, HALF).zones)
 
@@ -291,6 +300,7 @@ def test_a_remeshed_leaf_is_a_solid_whose_faces_lie_on_the_field(leaf, remeshed)
     assert np.abs(leaf.signed_distance(np.asarray(made.mesh.vertices)[faces], closed=True)).max() < AT_VERTICES
 
 
+@pytest.mark.slow
 def test_a_remeshed_leaf_has_the_hairs_that_are_kept(leaf, solid, remeshed):
     made = hairs_of(leaf, remeshed[1].mesh.vertices)
     assert len(made) > 10

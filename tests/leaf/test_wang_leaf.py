@@ -51,6 +51,7 @@ def test_the_solid_is_closed_and_its_faces_lie_on_the_field(leaf, solid):
     assert cut.max() < STEP
 
 
+@pytest.mark.slow
 def test_open_sheets_are_two_and_a_window_is_part_of_them(leaf):
     whole, window = (leaf.extract_mesh(STEP, region) for region in (None, [[3.0, -1.0], [6.0, 1.0]]))
     assert mesh_report(whole).components == 2
@@ -89,8 +90,8 @@ def test_the_block_of_a_tile_is_the_torus_of_all(leaf):
     assert np.allclose(np.ptp(vertices[:, :2], axis=0), 4 * leaf.texture.period)
 
 
-@pytest.mark.few(frame=1)
-@pytest.mark.parametrize("closed", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.slow
+@pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("frame", FRAMES)
 def test_a_window_is_as_fine_as_it_is_to_be_and_what_is_around_it_stays(tiles, frame, closed):
     leaf = leaf_of(tiles, bend=15.0, length=8.0, frame=frame)[0]

@@ -157,6 +157,7 @@ def test_a_map_that_winds_twice_around_a_place_is_no_chart(eaten):
         assert not winds_twice(sheet[:, :2], faces)
 
 
+@pytest.mark.slow
 def test_a_ruffled_sheet_is_laid_flat_without_winding_twice_around_a_place():
     flat, triangles = triangulated(ellipse(90.0, 60.0), 1.75)
     wave = 7.0 * (np.abs(flat[:, 1]) / 30) ** 3 * np.sin(2 * np.pi * flat[:, 0] / 12)
@@ -222,6 +223,7 @@ def test_ends_that_lie_over_each_other_by_a_little_come_apart_where_lengths_ask_
     assert np.abs(triangle_stretch(sheet, triangles, chart) - 1).max() < tol.NEARLY_AT_REST
 
 
+@pytest.mark.slow
 def test_a_sheet_that_winds_round_itself_by_a_little_is_laid_flat_in_one_layer():
     """Its isometric chart is a ring of more than a turn: in one layer its ends touch, and lengths give way."""
     sheet, triangles = spiral(1.15, step=2.0)

@@ -121,6 +121,7 @@ def test_of_several_things_the_nearest_is_left_out_too():
     assert ["below the blade, 38 %" in patch.cut[0], "above the blade, 15 %" in patch.cut[1]] == [True, True]
 
 
+@pytest.mark.slow
 def test_tiles_of_a_sample_with_air_around_it_close():
     volume = Volume(island(seed=3), STEP, np.zeros(3), "um")
     with pytest.warns(DataWarning, match="largest rectangle"), pytest.warns(DataWarning, match="hairs are cut"):

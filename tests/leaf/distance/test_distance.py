@@ -205,6 +205,7 @@ def test_the_closed_solid_has_its_pockets_filled_and_no_specks(pocked):
     assert pocked.signed_distance(middles, closed=True) == pytest.approx([-HALF, 0.6 - HALF], abs=FILLED)
 
 
+@pytest.mark.slow
 def test_the_closed_distance_is_that_to_the_closed_mesh(rough):
     leaf, _ = rough
     scene = o3d.t.geometry.RaycastingScene()

@@ -131,7 +131,7 @@ def test_a_strip_far_away_has_its_area(closed, across, turn):
         assert report.area / 2 == pytest.approx(4.0 * across, rel=0.05)
 
 
-@pytest.mark.few
+@pytest.mark.few(shape=2)
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (6, 1), (2, 1)])
 def test_one_cell_to_a_period_is_enough(closed, shape):
@@ -185,7 +185,8 @@ def test_hairs_that_the_margin_cuts_end_on_it(method):
     assert mesh_report((sheets.vertices, sheets.triangles)).manifold
 
 
-@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.few(closed=1)
+@pytest.mark.parametrize("closed", [True, False])
 def test_batches_threads_and_reduced_tiles_change_nothing_at_the_margin(closed):
     tile, threads = extract_tile(layer, LATTICE), get_num_threads()
     whole = cut(tile, eaten(), closed=closed)[1]
@@ -203,7 +204,8 @@ def test_batches_threads_and_reduced_tiles_change_nothing_at_the_margin(closed):
     assert report.boundary_loops == (0 if closed else 4)
 
 
-@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.few(closed=1)
+@pytest.mark.parametrize("closed", [True, False])
 def test_a_window_beside_the_margin_leaves_it_as_it_is(closed):
     """In a tile that the margin cuts, too."""
     tile = extract_tile(layer, LATTICE)

@@ -29,7 +29,7 @@ def summary(found):
     return report
 
 
-@pytest.mark.few
+@pytest.mark.few(shape=2)
 @both
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (6, 1), (2, 1)])

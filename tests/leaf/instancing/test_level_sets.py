@@ -86,7 +86,7 @@ def test_a_surface_of_many_tiles_with_a_window_has_no_crack(closed, cut, seed):
     assert report.watertight == closed
 
 
-@pytest.mark.few(closed=2)
+@pytest.mark.few(closed=1)
 @ends
 @pytest.mark.parametrize("window", [WINDOWS[0], pytest.param(WINDOWS[1], marks=pytest.mark.slow)])
 def test_inside_of_a_window_the_mesh_is_the_whole_fine_one_and_outside_the_whole_coarse_one(closed, cut, window):
@@ -125,7 +125,8 @@ def test_a_tile_beside_itself_under_two_names_has_the_windows_of_the_periodic_su
     assert np.array_equal(one.labels, other.labels)
 
 
-@pytest.mark.parametrize(("closed", "cut"), [(False, False), (True, True)])
+@pytest.mark.few(closed=1)
+@pytest.mark.parametrize(("closed", "cut"), [(True, True), (False, False)])
 def test_a_torus_that_is_parted_has_the_windows_of_the_whole_one(closed, cut):
     parted = leveled(tiles_of(1, None), tiles_of(2, None), closed=closed, cut=cut)
     at_once = leveled(TileSet.of(torus(1)), TileSet.of(torus(2)), closed=closed, cut=cut)
@@ -135,7 +136,8 @@ def test_a_torus_that_is_parted_has_the_windows_of_the_whole_one(closed, cut):
     assert cut or facets(parted) == facets(at_once)
 
 
-@pytest.mark.parametrize(("closed", "cut"), [(False, False), (True, True)])
+@pytest.mark.few(closed=1)
+@pytest.mark.parametrize(("closed", "cut"), [(True, True), (False, False)])
 def test_threads_change_no_window(closed, cut):
     before, meshes = get_num_threads(), []
     try:

@@ -176,6 +176,7 @@ def test_a_window_that_reaches_the_rim_is_refused():
         extract_levels(root)
 
 
+@pytest.mark.few(closed=1)
 @pytest.mark.parametrize("closed", [False, True])
 def test_an_outline_of_two_parts_is_refused_though_one_has_a_fine_window(closed):
     root = nested((2, 2), closed=closed)

@@ -63,7 +63,7 @@ def test_a_torus_that_is_parted_and_laid_as_it_was_is_the_same_surface(torus, cl
     assert cut or facets(whole) == facets(parted)
 
 
-@pytest.mark.few(closed=2)
+@pytest.mark.few(closed=1)
 @pytest.mark.parametrize("method", [0, pytest.param(1, marks=pytest.mark.slow)])
 @both_ends
 def test_tiles_in_any_order_are_one_surface(torus, closed, cut, method):
@@ -82,7 +82,7 @@ def test_tiles_in_any_order_are_one_surface(torus, closed, cut, method):
         assert np.abs(laid(seeded(5), places)).max() < ON_SURFACE
 
 
-@pytest.mark.few(closed=2)
+@pytest.mark.few(closed=1)
 @both_ends
 def test_threads_change_nothing(torus, closed, cut):
     before, meshes = get_num_threads(), []

@@ -122,6 +122,7 @@ def test_a_tile_made_in_slabs_is_the_tile_made_at_once(columns):
         assert np.array_equal(getattr(whole, name), getattr(slabs, name)), name
 
 
+@pytest.mark.slow
 def test_what_a_tile_holds_at_once_does_not_grow_with_its_surface(monkeypatch):
     """Of arrays in memory, by NumPy's word; those of all columns, vertices and walls lie in files."""
     monkeypatch.setattr(scratch, "is_held", lambda *_: False)

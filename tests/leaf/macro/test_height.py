@@ -74,6 +74,7 @@ def test_weights_reproduce_themselves_in_all_balls():
     assert np.abs(np.minimum(1, 0.15 / left) - weights).max() < 2 * TOLERANCE
 
 
+@pytest.mark.slow
 def test_the_kernel_hardly_matters():
     points = scan(np.random.default_rng(2), count=900)
     plane = np.random.default_rng(3).uniform([2, -4], [LENGTH - 2, 4], (2000, 2))
@@ -81,6 +82,7 @@ def test_the_kernel_hardly_matters():
     assert np.sqrt(np.mean((cubic(plane) - spline(plane)) ** 2)) < 0.05
 
 
+@pytest.mark.slow
 def test_the_choice_scales_with_the_unit():
     points = scan(np.random.default_rng(4), count=900)
     small, large = HeightMap.fit(points), HeightMap.fit(1000 * points)

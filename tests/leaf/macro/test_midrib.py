@@ -65,7 +65,7 @@ def local_half_width(leaf, along):
     return np.array([np.ptp(np.quantile(each, (0.02, 0.98))) / 2 for each in near])
 
 
-@pytest.mark.few
+@pytest.mark.few(shape=3)
 @pytest.mark.parametrize("noise", [0.0, pytest.param(0.02, marks=pytest.mark.slow), 0.05])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_axis_of_an_elongated_leaf_is_found_within_half_its_local_width(shape, noise):
@@ -138,7 +138,7 @@ def stalked(aspect, petiole, outline):
     return points + 0.1 * rng.normal(size=points.shape)
 
 
-@pytest.mark.few
+@pytest.mark.few(petiole=2)
 @pytest.mark.parametrize("petiole", [0.0, 1.0, 2.0])
 @pytest.mark.parametrize(
     "outline", [lambda u: np.sqrt(u * (1 - u)) * 2, lambda u: 1 - u], ids=["elliptical", "triangular"]

@@ -50,13 +50,13 @@ def strip(request):
     return depths[depths < DEEP], 2 * length / spacing, share / spacing
 
 
-@pytest.mark.few(strip=2)
+@pytest.mark.few(strip=1)
 def test_there_are_as_many_points_more_beside_an_edge_as_the_law_says(strip):
     depths, length, share = strip
     assert abs(len(depths) / length - DEEP - excess_beside(share)) < THINNED_EXCESS
 
 
-@pytest.mark.few(strip=2)
+@pytest.mark.few(strip=1)
 def test_they_move_the_edge_out_by_as_much_as_their_scores(strip):
     depths, length, share = strip
     found = brentq(lambda d: (score((d + depths) / BLUR) / BLUR).sum() - length, -1, 1)
@@ -64,7 +64,7 @@ def test_they_move_the_edge_out_by_as_much_as_their_scores(strip):
     assert abs(found - told) < THINNED_OFFSET
 
 
-@pytest.mark.few
+@pytest.mark.few(share=1, seed=1)
 @pytest.mark.parametrize("share", RATIOS)
 @pytest.mark.parametrize("seed", range(2))
 def test_a_thinned_sample_ends_where_the_leaf_does(share, seed):
@@ -75,6 +75,7 @@ def test_a_thinned_sample_ends_where_the_leaf_does(share, seed):
     assert "after thinning to a least distance" in margin.notes[0]
 
 
+@pytest.mark.slow
 def test_the_least_distance_is_told_in_space_through_noise():
     """Noise is there before a scan is thinned: of its feet on the leaf some are nearer."""
     leaf, spacing = o3l.samples.leaf_shape("curled"), 0.7

@@ -24,7 +24,7 @@ def covered_twice(monkeypatch, samples):
     yield from zip(found, map(cover_sample, samples), strict=True)
 
 
-@pytest.mark.few(leaf=2)
+@pytest.mark.few(leaf=1)
 @pytest.mark.parametrize(("leaf", "count"), [("slits 2", 4), ("leaflets 2", 2), ("slits 1.5", 4), ("leaflets 3.5", 2)])
 def test_less_of_bays_a_few_spacings_wide_is_covered_than_where_none_are_looked_for(monkeypatch, leaf, count):
     """In spacings: a point for each unit of area. Areas of independent points stray too far for so few samples."""

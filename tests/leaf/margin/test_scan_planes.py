@@ -72,14 +72,14 @@ def test_lines_of_no_equal_distance_are_of_no_planes(depth):
     assert planes_of(uneven, depth) is None
 
 
-@pytest.mark.few(sampler=1)
+@pytest.mark.few(sampler=1, seed=1)
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("sampler", [leaves.uniform, leaves.jittered, leaves.lattice])
-def test_without_lines_the_surface_changes_nothing(sampler):
-    for seed in range(3):
-        places = np.unique(sampler(leaves.eaten(6), 1500, np.random.default_rng(seed)), axis=0)
-        flat, lifted = cover_sample(places), cover_sample(places, lift=lift)
-        assert np.array_equal(flat.triangles, lifted.triangles)
-        assert lifted.passed_by == 0
+def test_without_lines_the_surface_changes_nothing(sampler, seed):
+    places = np.unique(sampler(leaves.eaten(6), 1500, np.random.default_rng(seed)), axis=0)
+    flat, lifted = cover_sample(places), cover_sample(places, lift=lift)
+    assert np.array_equal(flat.triangles, lifted.triangles)
+    assert lifted.passed_by == 0
 
 
 @pytest.mark.few(angle=1)
@@ -106,7 +106,7 @@ def test_where_planes_pass_by_a_bowl_there_is_no_hole(first):
     assert any("along the scanner's planes" in note for note in margin.notes)
 
 
-@pytest.mark.few(seed=2)
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize(("seed", "place"), [(0, (10, 4)), (1, (-2, -4)), (1, (10, 4)), (0, (-2, -4))])
 def test_where_lines_end_there_is_a_hole(seed, place):
     """Also where the bowl lies along the planes, if one passes."""

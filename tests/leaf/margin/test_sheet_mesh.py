@@ -55,7 +55,7 @@ def test_triangles_fill_the_polygon_at_any_step_and_end_on_it(shape, step):
     assert np.linalg.norm(vertices[border[:, 1]] - vertices[border[:, 0]], axis=1).max() <= step * (1 + 1e-9)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(seed=st.integers(0, 10**6), step=st.floats(0.1, 3))
 def test_any_star_with_a_hole_is_filled(seed, step):
     rng = np.random.default_rng(seed)

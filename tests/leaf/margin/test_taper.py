@@ -44,6 +44,7 @@ def exact(shape, radius, least, points):
     return np.where(depth >= 1, 1, np.where(depth >= blend, circle, cubic)), depth
 
 
+@pytest.mark.few(radius=1)
 @pytest.mark.parametrize(("radius", "least"), [(0.3, 0.1), (0.05, 0.02), (1.5, 0.5)])
 def test_it_is_the_profile_of_the_distance(radius, least):
     shape = leaf_shape()
@@ -177,6 +178,7 @@ def slab_with(radius):
     return MultiscaleLeaf(slab, blade=ParametricBlade(surface, Margin(ring, ring, spacing=0.25), rim_radius=radius))
 
 
+@pytest.mark.slow
 def test_the_distance_beside_a_tapered_rim_is_the_way_to_it():
     """Level with the rim, which is a tenth as high as the slab."""
     leaf, rng = slab_with(0.3), np.random.default_rng(0)
@@ -185,7 +187,7 @@ def test_the_distance_beside_a_tapered_rim_is_the_way_to_it():
     assert np.abs(leaf.signed_distance(x, closed=True) - gap).max() <= RIM_DISTANCE
 
 
-@pytest.mark.few
+@pytest.mark.few(radius=2)
 @pytest.mark.parametrize("radius", [0.15, 0.3, 1.0])
 @pytest.mark.parametrize("closed", [False, True])
 def test_distances_around_a_tapered_rim_are_those_to_its_section(radius, closed):

@@ -44,7 +44,7 @@ def test_vertices_far_denser_than_the_sample_inside_fill_no_bays():
     assert margin.area == pytest.approx(leaf.area, rel=TRACED_AREA)
 
 
-@pytest.mark.few
+@pytest.mark.few(leaf=1, bend=1)
 @pytest.mark.parametrize("bend", [0.0, 0.02])
 @pytest.mark.parametrize("leaf", [*SHAPES.values(), leaves.strip(20, 16.0)], ids=[*SHAPES, "strip"])
 def test_vertices_of_even_triangles_with_a_dense_margin_trace_it(leaf, bend):

@@ -221,6 +221,7 @@ def test_a_margin_that_is_hidden_is_told_and_completed_where_that_is_asked_for(k
     assert any("mirror image" in note for note in blade.notes)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_fitted_once")
 def test_a_whole_margin_is_not_completed():
     leaf = o3l.samples.leaf_shape("twisted", length=60)

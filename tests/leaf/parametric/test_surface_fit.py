@@ -136,6 +136,7 @@ def test_a_minority_that_lies_off_is_not_followed(scan):
     assert np.median(fit.heights[beside]) == pytest.approx(0.5, abs=tol.BESIDE_A_MAJORITY * NOISE)
 
 
+@pytest.mark.slow
 def test_nor_is_it_without_noise_but_within_the_least_corner():
     plane = places(1800, 0) * [1.5, 1.0]
     beside = (plane[:, 0] > 6) & (plane[:, 0] < 15) & (np.arange(len(plane)) % 4 == 0)
@@ -145,6 +146,7 @@ def test_nor_is_it_without_noise_but_within_the_least_corner():
     assert off < tol.BESIDE_AN_EXACT_MAJORITY * fit.problem.spacing
 
 
+@pytest.mark.slow
 def test_ruffles_beside_a_flat_part_are_followed_without_noise():
     """Waves six spacings long, up to 57° steep, of a strip that keeps its lengths: planes show no noise."""
     spacing, way = np.sqrt(2 * LENGTH * HALF_WIDTH / COUNT), np.linspace(-5, LENGTH + 5, 20_001)
@@ -174,6 +176,7 @@ def test_a_flat_scan_without_noise_is_followed_where_it_bends():
     assert heights.max() < tol.BENT_TIP * np.sqrt(2 * LENGTH * HALF_WIDTH / len(points))
 
 
+@pytest.mark.slow
 def test_a_chart_comes_to_lie_over_itself_in_no_round():
     """A strip that winds by more than a turn: charts that keep its lengths do, and S cannot go through both ends."""
     sheet, triangles = spiral(1.15, step=1.5)
@@ -286,6 +289,7 @@ def test_smoothing_is_raised_only_around_a_fold(scan, monkeypatch):
     assert moved.max() < tol.ELSEWHERE_THAN_A_FOLD * spacing
 
 
+@pytest.mark.slow
 def test_around_a_fold_that_stays_smoothing_is_raised_farther_and_not_for_ever(scan, monkeypatch):
     points, rough = rough_scan(scan, monkeypatch)
     little = 1.2

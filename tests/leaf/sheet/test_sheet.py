@@ -83,7 +83,7 @@ def assert_open_sheet(vertices, triangles) -> None:
     assert euler(triangles) == 2 - rims(vertices, triangles) < 2
 
 
-@pytest.mark.few
+@pytest.mark.few(shape=2, noise=2)
 @pytest.mark.parametrize("noise", [0.0, 0.2, 0.5])
 @pytest.mark.parametrize(("shape", "width"), [(flat, 20.0), (twisted, 16.0), (curled, 24.0)])
 def test_a_blade_is_a_disc_that_holds_all_points_and_their_area(shape, width, noise):
@@ -404,7 +404,7 @@ def test_of_two_layers_the_one_that_hangs_on_a_rim_is_cut_off():
     assert len(left)
 
 
-@pytest.mark.few(scan=2)
+@pytest.mark.few(scan=1)
 @pytest.mark.parametrize(
     ("scan", "held"),
     [

@@ -22,7 +22,7 @@ def scan_of(leaf, thickness, noise, share):
     return scan.points + (thickness * SPACING * side)[:, np.newaxis] * leaf.normals(scan.places), scan.points
 
 
-@pytest.mark.few(thickness=2)
+@pytest.mark.few(thickness=1)
 @pytest.mark.parametrize(
     ("thickness", "noise", "share"),
     [(2.0, 0.0, 0.5), (2.0, 0.0, 0.25), (3.0, 0.3, 0.5), (4.0, 0.2, 0.25), (5.0, 0.1, 0.25)],

@@ -136,7 +136,7 @@ def test_what_does_not_change_in_the_plane_does_not_change_on_tiles():
 
 
 def test_gradients_and_hessians_are_those_of_the_values(tiles):
-    points, step = somewhere(seed=1, reach=8.0), 1e-5
+    points, step = somewhere(150, seed=1, reach=8.0), 1e-5
     values, gradients, hessians = tiles.jets(points, 2)
     assert np.array_equal(values, tiles(points))
     for axis in range(3):
@@ -282,6 +282,7 @@ def _cloud():
     return points, Rough()(points)
 
 
+@pytest.mark.slow
 def test_the_same_seed_cuts_the_same_tiles_and_another_others(patch, tiles):
     again, other = WangField(patch, seed=3), WangField(patch, seed=8)
     assert np.array_equal(again.quilt.labels, tiles.quilt.labels)

@@ -39,6 +39,7 @@ def test_where_leaves_touch_points_go_to_the_nearer_of_quadrics_through_those_ar
         assert piece.min() <= NEARER_WRONG * np.bincount(scan.leaf)[piece.argmin()]
 
 
+@pytest.mark.slow
 def test_of_a_leaf_that_another_one_crosses_in_front_of_both_ends_are_seen():
     leaves = drawn_crossing(7)
     scan = leaves.scan()
@@ -74,13 +75,14 @@ def lobed(lobes, depth, spacing=1.2):
     return find_sheet(o3l.samples.scan_leaf(leaf, seed=lobes, spacing=spacing, noise=0.2).points)
 
 
-@pytest.mark.few
+@pytest.mark.few(lobes=1, depth=1)
 @pytest.mark.parametrize("lobes", [4, 5, 7])
 @pytest.mark.parametrize("depth", [0.18, 0.3])
 def test_lobes_no_longer_than_wide_are_those_of_one_leaf(lobes, depth):
     assert not told(lobed(lobes, depth))
 
 
+@pytest.mark.slow
 def test_four_long_lobes_are_told_to_show_by_their_outline_alone():
     (note,) = told(lobed(4, 0.8, spacing=0.8))
     assert note.startswith("two leaves, or lobes of one, cross around")

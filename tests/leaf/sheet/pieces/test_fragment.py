@@ -78,7 +78,7 @@ def test_a_leaf_is_made_without_the_fragment_on_it_which_is_told(number):
     assert sum(len(piece) for piece in sheet.leftovers.pieces[1:]) >= count[1] - RESTING_WRONG * count[0]
 
 
-@pytest.mark.few(seed=1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_bit_of_another_sheet_over_a_real_leaf_is_a_layer_of_its_own(seed, real_scan):
     """Half a millimeter, three spacings, above one side, and some of it on it; whatever the order of the points."""

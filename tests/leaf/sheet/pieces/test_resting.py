@@ -25,7 +25,7 @@ def told(sheet):
     return [note for note in sheet.notes if SAID in note]
 
 
-@pytest.mark.few(number=2)
+@pytest.mark.few(number=1)
 @pytest.mark.parametrize(
     ("number", "spacing"), [(1, 1.0), (3, 0.8), (10, 1.0), (14, 1.0)], ids=["tip hidden", "tip", "middle", "noise"]
 )
@@ -41,6 +41,7 @@ def test_two_leaves_of_which_one_rests_on_the_other_are_two_pieces(number, spaci
     assert f"`piece` takes one of {sheet.leftovers.listed()}" in note
 
 
+@pytest.mark.slow
 def test_the_sheet_of_the_whole_scan_says_how_many_points_are_the_lesser_leafs():
     scan = scan_of(9, 1.2)
     sheet = find_sheet(scan.points)
@@ -75,6 +76,7 @@ def test_a_blade_of_both_says_so_with_the_pieces_that_there_are():
     assert re.search(r"taken as one sheet, with .* `piece` takes one of 2: 1: .*; 2: .*", note)
 
 
+@pytest.mark.slow
 def test_leaves_that_nothing_tells_apart_are_said_to_be_such():
     scan = scan_of(2, 1.0, held_out=True)
     sheet = find_sheet(scan.points)
@@ -83,7 +85,7 @@ def test_leaves_that_nothing_tells_apart_are_said_to_be_such():
     assert len(sheet.leftovers.pieces) == 1
 
 
-@pytest.mark.few
+@pytest.mark.few(kind=1, noise=1)
 @pytest.mark.parametrize("noise", [0.0, 0.2, 0.5])
 @pytest.mark.parametrize("kind", ["curled", "layers", "eaten"])
 def test_a_single_leaf_is_one(kind, noise):

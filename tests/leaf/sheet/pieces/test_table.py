@@ -36,7 +36,7 @@ def test_a_table_and_the_leaf_that_rises_from_it_are_told_apart(number, is_refus
     assert not np.intersect1d(table.on, rising).size
 
 
-@pytest.mark.few(draw=1)
+@pytest.mark.few(draw=1, has=3)
 @pytest.mark.parametrize("draw", [0, 2])
 @pytest.mark.parametrize("has", range(len(ON_LEAF)))
 def test_a_leaf_that_is_pressed_flat_is_no_table(has, draw):
