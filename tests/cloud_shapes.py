@@ -94,7 +94,7 @@ def scanned_ground(step=2.0, eye=1.6):
     azimuth, elevation = np.radians(np.arange(0, 360, step)), np.radians(np.arange(-40, 2, step))
     a, e = (each.ravel() for each in np.meshgrid(azimuth, elevation, indexing="ij"))
     rays = np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-    place, reach = np.array([0.0, 0.0, eye]), np.geomspace(2.0, 60.0, 500)
+    place, reach = np.array([0.0, 0.0, eye]), np.geomspace(2.0, 60.0, 250)
     along = place + reach[:, np.newaxis, np.newaxis] * rays
     above = along[..., 2] - ground(along[..., 0], along[..., 1])[0]
     first = (above <= 0).argmax(axis=0)

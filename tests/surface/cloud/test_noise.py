@@ -173,7 +173,7 @@ def test_merging_keeps_every_point():
 
 def test_merging_is_a_mean_by_voxel_and_facing():
     """A dictionary of voxels, filled point by point, says the same, in the order of the first points."""
-    points, normals = samples.WavySheet().sample(500, seed=7)
+    points, normals = samples.Torus().sample(500, seed=7)
     found = voxel_down_sample(OrientedCloud.of(points, normals), 0.2)
     groups: dict[tuple[int, ...], list[int]] = {}
     first: dict[tuple[int, ...], int] = {}

@@ -48,7 +48,7 @@ def test_all_normals_of_a_closed_surface_point_outward(shape):
     assert cloud.notes == ()
 
 
-@pytest.mark.few(shape=2)
+@pytest.mark.few(shape=1)
 @pytest.mark.parametrize(
     ("shape", "count", "share"), [("sphere", 10000, 0.01), ("torus", 40000, 0.005), ("block", 10000, 0.004)]
 )
@@ -91,7 +91,7 @@ def test_an_open_sheet_has_one_side_and_a_note():
     assert not orient_normals(sphere(1000)[0]).is_open
 
 
-@pytest.mark.few(half_width=2)
+@pytest.mark.few(half_width=1)
 @pytest.mark.parametrize(("half_width", "share"), [(0.1, 0.0), (0.25, 0.0), (0.25, 0.005)])
 def test_a_one_sided_sheet_is_cut_across_and_has_two_sides_then(half_width, share):
     points = noisy(moebius(5000, half_width)[0], share)
@@ -107,7 +107,7 @@ def test_a_one_sided_sheet_is_cut_across_and_has_two_sides_then(half_width, shar
     assert find_opposed(cloud.points, cloud.normals, cloud.neighbors.row[:, :9]).mean() < OPPOSED_LEFT
 
 
-@pytest.mark.few(angles=2)
+@pytest.mark.few(angles=1)
 @pytest.mark.parametrize("angles", [(90.0, 210.0, 330.0), (180.0, 0.0, 30.0), (180.0, 0.0, 90.0)])
 def test_of_sheets_that_branch_each_has_one_side(angles):
     rng = np.random.default_rng(8)
@@ -123,6 +123,7 @@ def test_of_sheets_that_branch_each_has_one_side(angles):
         assert np.abs(side.mean()) > 1 - OPPOSED_LEFT
 
 
+@pytest.mark.slow
 def test_a_one_sided_sheet_has_a_surface():
     with pytest.warns(CloudWarning, match="cut out there"):
         mesh, _ = create_from_point_cloud_rbfpu(moebius(2500, 0.25)[0])
@@ -253,6 +254,7 @@ def test_lines_of_a_scanner_are_a_surface_and_a_curve_is_none():
         preprocess_point_cloud(np.column_stack([np.cos(t), np.sin(t), t]))
 
 
+@pytest.mark.slow
 def test_two_sheets_within_the_noise_are_not_taken_for_one_without_a_word():
     points, normals = slab(40000)
     points = noisy(points, 0.005)
@@ -272,7 +274,7 @@ def test_a_rigid_motion_commutes(shape):
 
 
 def test_not_a_bit_depends_on_the_number_of_threads():
-    points = noisy(torus(8000)[0], 0.008)
+    points = noisy(torus(4000)[0], 0.008)
     threads = get_num_threads()
     try:
         set_num_threads(1)

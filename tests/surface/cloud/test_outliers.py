@@ -92,7 +92,7 @@ def test_a_surface_of_few_points_beside_a_dense_one_is_no_outlier():
         assert found[-10:].all()
 
 
-@pytest.mark.few
+@pytest.mark.few(scale=2)
 @pytest.mark.parametrize("shape", [sphere, torus])
 @pytest.mark.parametrize("scale", [7e-7, 1.0, 3e6])
 def test_a_solid_of_two_densities_loses_no_point_and_groups_beside_it_go(shape, scale):

@@ -53,7 +53,13 @@ def contours():
 
 
 @pytest.mark.parametrize(
-    "make", [lambda: samples.Block().sample(COUNT)[0], lambda: samples.bumps().sample(COUNT)[0], lattice, contours]
+    "make",
+    [
+        lambda: samples.Block().sample(COUNT)[0],
+        pytest.param(lambda: samples.bumps().sample(COUNT)[0], marks=pytest.mark.slow),
+        lattice,
+        contours,
+    ],
 )
 def test_planes_lattices_and_contours_are_left_as_they_are(make):
     cloud = OrientedCloud.of(make())

@@ -45,7 +45,7 @@ def test_thin_plates_are_told_from_a_volume_and_not_thinned(plates, noise):
     assert scale.thinning == 1
 
 
-@pytest.mark.few(seed=2)
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", range(3))
 def test_planes_go_through_fewer_neighbors_where_the_others_lie_on_other_sheets(seed):
     """A plate folded onto itself, 2.3 spacings thick and apart: under noise of 0.43 it looked like a volume."""
@@ -55,6 +55,7 @@ def test_planes_go_through_fewer_neighbors_where_the_others_lie_on_other_sheets(
     assert (scale.full, scale.thinning, scale.neighbors) == (False, 1, FEW)
 
 
+@pytest.mark.few(kind=1)
 @pytest.mark.parametrize("kind", ["ball", "cube", "normal"])
 def test_planes_go_through_all_neighbors_where_points_or_noise_fill_them(kind):
     assert {scale_of(filled(kind, 10_000, seed)).neighbors for seed in range(3)} == {NEIGHBORS}

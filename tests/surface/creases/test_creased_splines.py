@@ -94,6 +94,7 @@ def test_a_smooth_surface_is_fitted_as_if_no_creases_were_sought():
     assert np.array_equal(one(points + 0.01), other(points + 0.01))
 
 
+@pytest.mark.slow
 def test_sheets_that_face_one_another_do_not_cut_each_other():
     """A smooth solid folded onto itself: what a sheet is where it has no points does not dent the next one."""
     solid = o3l.samples.fold(0.04)

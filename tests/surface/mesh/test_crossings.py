@@ -29,7 +29,7 @@ def uneven(seed, count=1500):
     return corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
 
 
-@pytest.mark.few(seed=3)
+@pytest.mark.few(seed=1)
 @pytest.mark.parametrize("seed", range(8))
 def test_each_pair_is_told_as_by_fractions(seed):
     vertices, triangles = soup(seed)

@@ -97,7 +97,7 @@ def test_red_stays_red_and_bytes_labels_and_scalars_come_along(torus):
 
 def test_what_the_colors_show(torus):
     """The cloud's own unless a measure is named; without any, the distance; none where neither is wanted."""
-    points, normals = (each[:900] for each in torus)
+    points, normals = (each[:600] for each in torus)
     red, bare = legacy(points, normals, np.tile(RED, (len(points), 1))), legacy(points, normals)
 
     def is_red(cloud, **options):

@@ -80,7 +80,7 @@ def test_a_thin_solid_is_closed_whatever_its_field_does_beyond_the_rim():
     assert mesh_report(reconstructed(*lens(3_000, thickness, noise), closed=False)[0]).boundary_edges > 0
 
 
-@pytest.mark.few(local=1)
+@pytest.mark.slow
 @pytest.mark.parametrize("local", ["hermite", "mls"])
 def test_so_it_is_of_whatever_is_fitted_in_the_balls(local):
     points, normals = lens(1_200, 1.5, 0.15)
@@ -102,7 +102,7 @@ def test_open_data_are_left_as_they_are(degrees):
         np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.few(length=2)
+@pytest.mark.few(length=1)
 @pytest.mark.parametrize(("length", "noise"), [(4, 0.0), (4, 0.7), (8, 0.3)])
 def test_the_open_end_of_a_narrow_tube_is_left_as_it_is(length, noise):
     """Past its rim it shows as little as a blunt tip does; the gap in front is 10 spacings wide, or 7.5."""

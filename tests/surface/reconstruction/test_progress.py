@@ -46,7 +46,8 @@ def creased():
     return samples.Block().sample(6000, seed=0)
 
 
-@pytest.mark.parametrize("cloud", [clean, open_and_noisy, creased])
+@pytest.mark.few(cloud=1)
+@pytest.mark.parametrize("cloud", [creased, clean, open_and_noisy])
 def test_every_long_stage_reports_its_steps_never_goes_back_and_ends_at_its_total(cloud):
     with Reported() as journal:
         create_from_point_cloud_rbfpu(cloud()[0])

@@ -142,6 +142,7 @@ def test_open_where_the_data_are_open():
     assert whole * (1 - RIM_AREA) < mesh.get_surface_area() < whole * (1 + RIM_AREA)
 
 
+@pytest.mark.slow
 def test_a_thin_sheet_is_one_closed_piece():
     """Three spacings thick, both sides and the rim sampled, wavy: one manifold piece without a hole."""
     solid = samples.WavySheet()
@@ -345,6 +346,7 @@ def test_sheets_that_face_the_same_way_are_not_joined_without_a_word():
 
 
 @pytest.mark.filterwarnings("ignore::o3dleaf.errors.CloudWarning")
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_a_step_that_is_wrapped_is_the_bare_one(noise):
     """Bit for bit, of sheets with a flap that only normals tell from them, and of a torus whose noise is averaged."""
@@ -362,6 +364,7 @@ def test_a_step_that_is_wrapped_is_the_bare_one(noise):
     assert np.array_equal(field(cloud.points), same(cloud.points))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::o3dleaf.errors.CloudWarning")
 def test_a_flap_is_kept_where_the_data_have_no_normals_to_tell_it_by():
     """What makes the test above one: a trim that loses the normals gives another mesh."""
@@ -374,6 +377,7 @@ def test_a_flap_is_kept_where_the_data_have_no_normals_to_tell_it_by():
     assert report(meshes[0]).area < report(meshes[1]).area
 
 
+@pytest.mark.few(held=1)
 @pytest.mark.parametrize("held", ["array", "legacy", "tensor"])
 def test_each_step_takes_what_the_one_before_returns(sphere, held):
     """A cloud that is held in any way, preprocessed, fitted, followed and trimmed by hand: a sphere."""
@@ -510,13 +514,13 @@ def test_noise_lengthens_the_step_but_where_two_sides_are_near():
     assert steps[1] == pytest.approx(1.0)
 
 
-@pytest.mark.few(name=3)
+@pytest.mark.few(name=2)
 @pytest.mark.parametrize(
     ("name", "pieces", "genus", "closed", "with_normals"),
     [
         ("oriented/homer.ply", 1, 0, True, True),
-        ("oriented/interlocked_tori.ply", 2, 2, True, False),
         ("leaves/sugarbeet.ply", 1, None, False, False),
+        ("oriented/interlocked_tori.ply", 2, 2, True, False),
         ("oriented/homer.ply", 1, None, True, False),
         ("oriented/interlocked_tori.ply", 2, 2, True, True),
         ("leaves/soybean_with_normals.ply", 1, None, False, True),

@@ -43,6 +43,7 @@ def bare(cloud):
     return alone
 
 
+@pytest.mark.few(noise=1)
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_steps_that_share_nothing_make_the_same_mesh(noise):
     points, normals = torus(2500)

@@ -38,9 +38,9 @@ def rim_of(mesh):
     return vertices[np.unique(edges.ends[edges.count == 1])]
 
 
-@pytest.mark.few
-@pytest.mark.parametrize("given", [True, False])
-@pytest.mark.parametrize("ratio", [0.5, 1.5])
+@pytest.mark.few(given=1, ratio=1)
+@pytest.mark.parametrize("given", [False, True])
+@pytest.mark.parametrize("ratio", [1.5, 0.5])
 def test_a_random_sheet_ends_at_its_data_and_has_no_hole(given, ratio):
     cloud, spacing = flat(20_000)
     trimmed = trim_to_data(plane(ratio * spacing), OrientedCloud.of(cloud, spacing=spacing if given else None))
@@ -76,7 +76,7 @@ def test_closed_data_leave_a_closed_surface_as_it_is():
 
 
 def test_noise_along_the_normal_does_not_pierce():
-    cloud, spacing = flat(20_000)
+    cloud, spacing = flat(6_000)
     cloud[:, 2] += np.random.default_rng(2).normal(scale=8 * spacing, size=len(cloud))
     data, options = OrientedCloud.of(cloud, spacing=spacing), {"factor": 3.0, "margin": 0.5}
     assert mesh_report(trim_to_data(plane(spacing), data, **options)).holes == 0

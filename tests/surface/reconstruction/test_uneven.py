@@ -72,6 +72,7 @@ def test_a_gap_in_an_uneven_cloud_is_closed_where_that_is_asked_for():
     assert opened.manifold
 
 
+@pytest.mark.slow
 def test_a_closed_solid_stays_closed_where_density_steps_by_twenty():
     """Its sparse points beside dense ones, taken to be as close as those, left 248 edges of rims."""
     points, normals = samples.gap().sample(40_000)
@@ -102,6 +103,7 @@ def test_a_hole_of_six_spacings_across_a_step_of_density_stays_open(ratio):
     assert np.all(np.abs(hole / own - 6) < 2)
 
 
+@pytest.mark.slow
 def test_terrain_with_a_dense_patch_has_one_rim_and_faces_up():
     cloud = terrain(4_000)
     mesh, _ = create_from_point_cloud_rbfpu(cloud, prepare=OrientedCloud.of, measure=None)

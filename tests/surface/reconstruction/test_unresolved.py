@@ -87,7 +87,7 @@ def test_what_joins_two_sheets_without_data_is_found_and_with_data_is_not(sign):
         assert np.all(np.hypot(*data.points[found < 0, :2].T) < 0.5)
 
 
-@pytest.mark.few(sign=1)
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_bridge_longer_than_neighborhoods_is_found_by_its_ends(sign):
     """Each has −2π, half of what a handle has, and what is between them has none."""

@@ -90,6 +90,7 @@ def test_what_crossed_as_it_came_does_not_count(mesh):
     assert remesh_apart(crossed, crossed, None) is crossed
 
 
+@pytest.mark.slow
 def test_where_triangles_cross_whatever_stays_those_are_returned_that_cross_least(mesh, again, monkeypatch):
     """A remesher that makes a thing of its own of every part, which crosses."""
     bad, parts = again(pillow(0.004)), []

@@ -135,7 +135,7 @@ def test_a_swap_is_done_where_its_rules_allow_it(limits):
     for submesh in submeshes():
         mesh, place = submesh.mesh, submesh.places
         (_, halves), _ = room()
-        for h in np.random.default_rng(0).permutation(3 * submesh.triangles)[:80]:
+        for h in np.random.default_rng(0).permutation(3 * submesh.triangles)[:50]:
             origin, twin = mesh.origin, mesh.twin
             if not can_flip(mesh, h, halves):
                 assert not edit_loops.try_flip(mesh, place, h, limits, halves)
@@ -195,7 +195,7 @@ def test_a_split_is_done_where_its_rules_allow_it(limits):
         mesh, place, label = submesh.mesh, submesh.places, submesh.labels
         rng = np.random.default_rng(seed)
         vertex, triangle = submesh.vertices, submesh.triangles
-        for h in rng.permutation(np.flatnonzero(mesh.twin >= 0))[:40]:
+        for h in rng.permutation(np.flatnonzero(mesh.twin >= 0))[:25]:
             a, b = mesh.origin[h], mesh.origin[after(h)]
             pair = [mesh.origin[t // 3 * 3 : t // 3 * 3 + 3] for t in (h, mesh.twin[h])]
             point = (place[a] + place[b]) / 2 + 0.12 * rng.normal(size=3)

@@ -63,7 +63,7 @@ def check_lengths(vertices, triangles, edge):
     assert length.max() < most
 
 
-@pytest.mark.few(seed=1)
+@pytest.mark.few(name=1, seed=1)
 @pytest.mark.parametrize("seed", [1, 4])
 @pytest.mark.parametrize("name", [*GENUS])
 def test_with_a_field_all_vertices_lie_on_it_in_good_triangles_and_the_volume_converges(name, seed):
@@ -117,7 +117,7 @@ def farthest(one, other, count=8):
     return scene.compute_distance(o3d.core.Tensor(points.astype(np.float32))).numpy().max()
 
 
-@pytest.mark.few(name=2)
+@pytest.mark.few(name=1)
 @pytest.mark.parametrize(("name", "deviation"), [("sphere", None), ("torus", 0.004), ("ellipsoid", 0.02)])
 def test_without_a_field_the_mesh_stays_near_what_it_was(name, deviation):
     _, mesh = cubes_of(name, 0.08)
@@ -229,6 +229,7 @@ def test_labels_go_on_and_their_border_keeps_its_course():
                 assert gap < DEVIATION_ALL * 0.04
 
 
+@pytest.mark.few(with_field=1)
 @pytest.mark.parametrize("with_field", [False, True])
 def test_a_change_of_unit_by_a_power_of_two_changes_no_bit(with_field):
     field, (vertices, triangles) = cubes_of("torus", 0.16)
@@ -247,6 +248,7 @@ def test_a_change_of_unit_by_a_power_of_two_changes_no_bit(with_field):
         assert np.array_equal(corners, found[0][1])
 
 
+@pytest.mark.slow
 def test_a_turned_and_shifted_mesh_has_the_same_figures():
     _, (vertices, triangles) = cubes_of("torus", 0.1)
     figures = []
@@ -258,6 +260,7 @@ def test_a_turned_and_shifted_mesh_has_the_same_figures():
     assert np.ptp(figures, axis=0) == pytest.approx(0, abs=0.02)
 
 
+@pytest.mark.slow
 def test_to_remesh_again_makes_nothing_worse():
     field, mesh = cubes_of("ellipsoid", 0.1)
     once = mesh_arrays(remesh(mesh, 0.1, field))

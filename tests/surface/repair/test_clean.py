@@ -102,19 +102,19 @@ def hold(mesh, options):
     assert np.array_equal(again.triangles, cleaned.triangles)
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1), options=OPTIONS)
 def test_nothing_gets_worse_in_a_soup_of_triangles(seed, options):
     hold(soup(np.random.default_rng(seed)), options)
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1), options=OPTIONS)
 def test_nothing_gets_worse_on_a_crumpled_sheet(seed, options):
     hold(crumpled(np.random.default_rng(seed)), options)
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=6, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1), options=OPTIONS)
 def test_nothing_gets_worse_on_a_battered_sphere(ball, seed, options):
     hold(battered(np.random.default_rng(seed), ball), options)

@@ -118,6 +118,7 @@ def waves(count, size, height):
     return np.column_stack([u, v, height + 0.1 * np.sin(12 * u) * np.sin(12 * v)]), triangles
 
 
+@pytest.mark.slow
 def test_where_triangles_come_to_cross_alone_they_stay_finer():
     large, small = waves(41, 1.0, 0.0), waves(25, 0.29, 0.01)
     mesh = mesh_report(simplify_mesh(joined(large, small), target_triangles=800))
@@ -125,6 +126,7 @@ def test_where_triangles_come_to_cross_alone_they_stay_finer():
     assert mesh.triangles < 800 + len(small[1])
 
 
+@pytest.mark.few(turns=1)
 @pytest.mark.parametrize("turns", [2, 3])
 def test_simplifying_makes_no_triangles_cross_whatever_is_asked_for(turns):
     mesh = rolled(turns)
