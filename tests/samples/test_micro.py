@@ -133,6 +133,7 @@ def test_the_same_leaf_at_any_spacing():
     assert fine.blur == coarse.blur / 2
 
 
+@pytest.mark.slow
 def test_three_micrometres():
     volume, truth = wheat_ct(seed=0, spacing=3.0, size=(600.0, 600.0, 480.0))
     assert volume.shape == (200, 200, 160)

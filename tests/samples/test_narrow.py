@@ -16,7 +16,9 @@ SAG = 0.02
 """Part of what is narrow: a mesh of six steps across it cuts its round ends by 1/8 (1/6)² / (1/2)."""
 
 
-@pytest.mark.parametrize(("kind", "size"), [(fins, WIDTH), (gap, WIDTH), (fold, WIDTH), (bumps, 0.01)])
+@pytest.mark.parametrize(
+    ("kind", "size"), [(fins, WIDTH), (gap, WIDTH), (fold, WIDTH), pytest.param(bumps, 0.01, marks=pytest.mark.slow)]
+)
 def test_it_is_one_closed_piece_without_a_handle(kind, size):
     solid = kind(size)
     edges = EdgeTable.of(solid.triangles)
@@ -44,6 +46,7 @@ def test_a_fold_lies_on_itself_at_the_distance_that_is_asked():
     assert abs(within + WIDTH / 2) < SAG * WIDTH
 
 
+@pytest.mark.slow
 def test_bumps_are_as_high_as_they_are_asked():
     solid = bumps(0.02, 0.15)
     height = np.linalg.norm(solid.vertices, axis=1) - 0.5

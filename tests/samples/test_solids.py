@@ -46,7 +46,7 @@ def test_it_is_a_field_with_room_around_it(solid):
 
 def test_the_distance_is_that_to_the_nearest_of_many_samples(solid):
     points = shell(solid, 1500, 0.02)
-    count = 40_000
+    count = 20_000
     dense = solid.sample(count, 1)[0]
     brute = KDTree(dense).query(points)[0]
     distance = np.abs(solid.signed_distance(points))
@@ -96,7 +96,7 @@ def test_samples_are_uniform_by_area(solid):
     """Gauss: the integral of x nᵀ over a closed surface is its volume times the unit matrix, and that of n is 0."""
     known = {Sphere: np.pi / 6, Torus: 2 * np.pi**2 * 0.4 * 0.15**2, Block: 0.28, Wires: np.pi * 0.034}
     volume = known.get(type(solid)) or mesh_volume(*solid.mesh)
-    points, normals = solid.sample(50_000, 7)
+    points, normals = solid.sample(20_000, 7)
     about = points - points.mean(axis=0)
     terms = solid.area * np.concatenate(
         [normals[:, :, np.newaxis], about[:, :, np.newaxis] * normals[:, np.newaxis]], 2

@@ -52,7 +52,7 @@ def fit(points, normals, local="hermite", **options):
     return PUInterpolant.fit_oriented(points, normals, local=local, bounds=BOX, **options)
 
 
-@pytest.mark.few
+@pytest.mark.few(kernel=1, smoothing=1)
 @pytest.mark.parametrize("kernel", ["cubic", "quintic"])
 @pytest.mark.parametrize("smoothing", [0.0, 1e-4])
 def test_blended_hermite_equals_its_literal_twin(kernel, smoothing):
@@ -299,6 +299,7 @@ def test_fits_that_take_no_more_points_say_so():
         field.with_points(ScatteredData.of(points, np.zeros(60)), 1)
 
 
+@pytest.mark.few(local=1)
 @pytest.mark.parametrize("local", ["hermite", "curl-free"])
 def test_normals_that_are_off_put_the_surface_off_by_their_angle_times_the_spacing_at_most(local):
     points, normals = torus(1500)
@@ -314,6 +315,7 @@ def test_normals_that_are_off_put_the_surface_off_by_their_angle_times_the_spaci
     assert error(0.05) < 0.05 * spacing
 
 
+@pytest.mark.few(local=1)
 @pytest.mark.parametrize("local", ["hermite", "curl-free"])
 def test_slopes_of_a_first_fit_of_values_are_better_normals_than_those_of_planes(local):
     points, planes = noisy(1500, 0.0)

@@ -120,14 +120,14 @@ def efficiency(d, level, seed, count, size):
     return error(chosen) / min(error(chosen * x) for x in np.geomspace(0.01, 100, 13))
 
 
-@pytest.mark.few
+@pytest.mark.few(d=1, level=1)
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("d", [2, 3])
 def test_over_several_balls_the_error_is_within_a_tenth_of_the_best(d, level):
     assert max(efficiency(d, level, seed, 1500, (75, 150)) for seed in SEEDS) < GCV_EFFICIENCY
 
 
-@pytest.mark.few
+@pytest.mark.few(d=2, level=1)
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("d", [2, 3])
 def test_in_one_ball_of_300_points_the_error_is_within_a_tenth_of_the_best_on_average(d, level):

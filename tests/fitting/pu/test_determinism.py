@@ -65,7 +65,7 @@ def test_no_single_size_changes_a_bit(module, name, block, monkeypatch):
 
 
 @pytest.mark.few(block=3)
-@pytest.mark.parametrize("block", [7, 1000, 10**6, 1])
+@pytest.mark.parametrize("block", [70, 1000, 10**6, 1])
 def test_the_blocks_do_not_change_a_bit(block, monkeypatch):
     points, values, queries = data()
     field = PUInterpolant.fit(points, values, points_per_ball=80)

@@ -69,7 +69,7 @@ def blended_errors(field, at):
     return bounds
 
 
-@pytest.mark.few
+@pytest.mark.few(power=4)
 @pytest.mark.parametrize("smoothing", [0.0, 0.1])
 @pytest.mark.parametrize(("power", "d"), [(3, 1), (3, 2), (4, 2), (3, 3), (5, 3), (3, 4)])
 def test_the_error_is_a_rounding_of_the_terms_of_the_sum(power, d, smoothing):

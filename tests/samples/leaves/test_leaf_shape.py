@@ -121,7 +121,7 @@ def test_petiole_and_stub_are_round_and_go_on_from_the_base(shapes):
     np.testing.assert_allclose(aside, stub.radius, rtol=LIFTED_METRIC)
 
 
-@pytest.mark.few(leaf=7)
+@pytest.mark.few(leaf=4)
 def test_area_of_triangles_converges_with_the_square_of_their_step(leaf):
     # The short edges of the outline are followed at any step; where only they bend, steps must be shorter.
     step = {"wavy": 0.3, "winding": 0.2}.get(leaf.kind, 2.0)
@@ -135,6 +135,7 @@ def test_quadrature_is_exact_for_polynomials_of_degree_four():
     assert found == pytest.approx(2**4 / 4 * 0.5 + 2 / 5, rel=LIFTED_QUADRATURE)
 
 
+@pytest.mark.few(leaf=4)
 def test_triangles_cover_the_outline_and_end_on_it(leaf):
     step = 0.6
     plane, triangles = triangulate(leaf.outline, step)
@@ -155,6 +156,7 @@ def test_only_the_eaten_leaf_has_a_hole_of_the_size_asked_for(shapes):
     assert shapes["eaten"].outline.exterior.length > 1.02 * rest.exterior.length  # notched
 
 
+@pytest.mark.few(leaf=4)
 def test_it_is_a_field_whose_distance_is_true(leaf):
     assert isinstance(leaf, Field)
     rng = np.random.default_rng(5)
@@ -166,6 +168,7 @@ def test_it_is_a_field_whose_distance_is_true(leaf):
     assert np.abs(leaf.half_thickness - leaf(points) - brute).max() < 2 * sag + 1e-4
 
 
+@pytest.mark.few(leaf=4)
 def test_the_surface_is_inside_and_half_a_thickness_off_is_its_zero(leaf):
     places = places_of(leaf, 300)
     S, n = leaf.lift(places), leaf.normals(places)

@@ -9,6 +9,7 @@ from o3dleaf.samples import LEAF_KINDS, leaf_shape, scan_leaf, write_leaf_scans
 from tolerances import KEPT_DECIMALS
 
 
+@pytest.mark.slow
 def test_each_kind_is_a_file_that_holds_its_scan(tmp_path):
     paths = write_leaf_scans(tmp_path / "new", seed=2)
     assert [path.name for path in paths] == [f"leaf_{kind}.ply" for kind in LEAF_KINDS]

@@ -124,6 +124,7 @@ def test_single_precision():
         close(found[:, k], alone(queries, dtype=np.float32), 1e8 * ROUNDING)
 
 
+@pytest.mark.slow
 def test_eight_columns_cost_about_one():
     points = np.random.default_rng(0).random((6000, 3))
     values = np.random.default_rng(1).random((6000, 8))

@@ -214,6 +214,7 @@ def test_single_precision_and_files_and_diagnostics_know_bare_balls(tmp_path):
         PUInterpolant.fit_lattice(solid(), spacing=1.0, band=True, mask=np.ones((48, 44, 40), dtype=bool))
 
 
+@pytest.mark.slow
 def test_its_memory_goes_with_the_surface_and_not_with_the_volume():
     """Of four million bytes a ball of a thousandth: all else is a few bytes a voxel, where a whole fit has 30."""
     places = np.stack(np.meshgrid(*[np.arange(160, dtype=np.float32)] * 3, indexing="ij"), axis=-1)
