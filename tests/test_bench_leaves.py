@@ -17,7 +17,9 @@ SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 
 @pytest.fixture
 def script(monkeypatch):
+    """Return the function that imports a script; judges draw fewer samples, of which shares are."""
     monkeypatch.syspath_prepend(str(SCRIPTS))
+    monkeypatch.setattr(importlib.import_module("leaf_errors"), "SAMPLES", 5_000)
     return importlib.import_module
 
 
@@ -53,6 +55,7 @@ def test_what_is_missing_costs_its_marks(script, scan):
     assert {"area", "mesh to truth", "truth to margin", "holes"} <= lost
 
 
+@pytest.mark.slow
 def test_what_is_beside_the_truth_is_neither_near_it_nor_it_near_that(script, scan):
     lost = {name for name, holds in marks(script, scan, scan.truth, 1.5).items() if not holds}
     assert {"mesh to truth", "truth to mesh"} <= lost

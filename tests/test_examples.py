@@ -13,12 +13,12 @@ SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 
 @pytest.fixture
 def samples(tmp_path_factory):
-    """The samples, the scan with an eighth of its points: the blade's fit to all of them has tests of its own."""
+    """The samples, the scan with a sixteenth of its points: the blade's fit to all of them has tests of its own."""
     folder = tmp_path_factory.mktemp("samples")
     for source in (SCRIPTS.parent / "data_samples").iterdir():
         (folder / source.name).symlink_to(source)
     (folder / "wheat_scan.ply").unlink()
-    o3d.io.write_point_cloud(folder / "wheat_scan.ply", wheat_scan(count=800).cloud)
+    o3d.io.write_point_cloud(folder / "wheat_scan.ply", wheat_scan(count=400).cloud)
     return folder
 
 
@@ -37,6 +37,7 @@ def test_all_examples_are_here():
     ]
 
 
+@pytest.mark.slow
 def test_whole_leaf(samples, small_pictures, monkeypatch, tmp_path):
     example = load("01_whole_leaf")
     monkeypatch.setattr(example, "SAMPLES", samples)
@@ -46,6 +47,7 @@ def test_whole_leaf(samples, small_pictures, monkeypatch, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"window.ply", "window.png"}
 
 
+@pytest.mark.slow
 def test_pieces(samples, monkeypatch):
     example = load("02_pieces")
     monkeypatch.setattr(example, "SAMPLES", samples)

@@ -27,7 +27,7 @@ SHORTER = {
     "spacing=0.012, closed": "spacing=0.05, closed",
     "(drop, 3), 0.05), (leaf.blade.window(drop, 1), 0.0125)": "(drop, 1), 0.05), (leaf.blade.window(drop, 0.3), 0.025)",
     "spacing=0.024, region=leaf.blade.window(drop, size=3)": "spacing=0.05, region=leaf.blade.window(drop, size=1)",
-    "0.1, closed=True, remesh=0.1": "0.3, closed=True, remesh=0.3",
+    "0.1, closed=True, remesh=0.1": "0.4, closed=True, remesh=0.4",
 }
 
 

@@ -25,7 +25,7 @@ def scans(tmp_path):
     folder = tmp_path / "scans"
     folder.mkdir()
     for seed, name in enumerate(("a", "b")):
-        points, _ = Torus().sample(1500, seed=seed)
+        points, _ = Torus().sample(600, seed=seed)
         o3d.io.write_point_cloud(folder / f"{name}.ply", o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)))
     return folder
 

@@ -92,6 +92,7 @@ def test_triangles_that_are_left_for_the_rim_are_told(scroll, tmp_path):
     assert not replace(few, asked=None).warnings
 
 
+@pytest.mark.slow
 def test_a_mesh_that_crossed_itself_and_does_so_more_is_told(scroll, tmp_path):
     vertices, triangles = mesh_arrays(o3l.read_mesh(scroll).mesh)
     pierced = np.concatenate([vertices, [[-0.9, 0, 0], [-0.8, 0.01, 0], [-0.8, 0, 0.01]]])

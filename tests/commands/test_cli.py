@@ -255,6 +255,7 @@ def test_a_closed_window_with_all_that_can_be_written_beside_it(run, files, tmp_
     assert mesh_report(read_triangle_mesh(tmp_path / "tile.stl")).watertight
 
 
+@pytest.mark.slow
 def test_a_leaf_with_a_fine_window_and_a_grid(run, files, tmp_path):
     """Tiles are set one by one where there is a window."""
     result = run(
@@ -429,6 +430,7 @@ def test_each_command_has_help(run, command):
     assert result.stdout == run(command, "-h").stdout
 
 
+@pytest.mark.slow
 def test_a_patch_is_fitted_once_and_used_as_a_model(run, files, tmp_path):
     fitted = run("patch", files / "ct.tif", "-o", tmp_path / "micro.o3l")
     assert fitted.returncode == 0, fitted.stderr
@@ -439,6 +441,7 @@ def test_a_patch_is_fitted_once_and_used_as_a_model(run, files, tmp_path):
     assert (tmp_path / "model.ply").read_bytes() == (tmp_path / "volume.ply").read_bytes()
 
 
+@pytest.mark.slow
 def test_demo_writes_mesh_picture_summary_and_model(run, files, tmp_path):
     samples = tmp_path / "samples"
     samples.mkdir()
@@ -454,7 +457,7 @@ def test_demo_writes_mesh_picture_summary_and_model(run, files, tmp_path):
     assert written == {"leaf.ply", "leaf.png", "leaf.json", "leaf.o3l"}
 
 
-@pytest.mark.few(sent=1)
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="on Windows Ctrl-C is for all who share a console, the tests too")
 @pytest.mark.parametrize(("sent", "code", "word"), [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "terminated")])
 def test_signals_leave_nothing_behind(files, tmp_path, sent, code, word):
@@ -493,7 +496,7 @@ sys.meta_path.insert(0, Finder())
 """
 
 
-@pytest.mark.few
+@pytest.mark.few(module=4)
 @pytest.mark.parametrize("wrapped", [False, True], ids=["as it is", "as compiled modules wrap it"])
 @pytest.mark.parametrize(
     "module", ["o3dleaf.commands.cli", "typer", "numpy", "open3d", "o3dleaf.surface.mesh.mesh_report"]

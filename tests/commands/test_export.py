@@ -49,6 +49,7 @@ def test_a_model_becomes_a_closed_mesh_for_openfoam(leaf, model, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_a_solver_gets_a_remeshed_leaf(leaf, model, tmp_path):
     ExportJob(model, tmp_path / "a.stl", consumer="gmsh", spacing=0.5, region=REGION).run()
     ExportJob(model, tmp_path / "b.ply", spacing=0.5, remesh=0.4, region=REGION).run()

@@ -26,6 +26,7 @@ def test_the_middle_of_some_points_is_one_of_them():
     assert tell_middle(points, points) == "1.00 0.00 0.00"
 
 
+@pytest.mark.slow
 def test_a_blade_tells_its_petiole_as_near_in_a_grid_of_the_earth_as_at_the_origin():
     scan = o3l.samples.scan_leaf(o3l.samples.leaf_shape("petiole"), spacing=1.6, seed=2)
     end = []

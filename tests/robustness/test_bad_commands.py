@@ -103,6 +103,7 @@ def test_the_program_says_so_with_exit_code_2(run, folder, row):
     assert len(result.stderr.strip().splitlines()) == 1, result.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", SHOWN[:: len(SHOWN) // AS_PROCESSES][:AS_PROCESSES], ids=str)
 def test_a_process_ends_likewise(folder, row):
     words = [sys.executable, "-m", "o3dleaf", *words_of(row, folder)]

@@ -31,6 +31,7 @@ def test_it_compiles_once_and_says_how_far_it_is(lines, tmp_path):
     assert warm_up.warm_up(tmp_path, workers=1) == 0
 
 
+@pytest.mark.slow
 def test_a_shipped_folder_holds_what_python_calls_and_what_it_is_for(lines, tmp_path, monkeypatch):
     """Made by two processes, as on two cores."""
     monkeypatch.setattr(warm_up.os, "cpu_count", lambda: 2)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import droplet_runs
 from droplet_runs import cap, write_plate, write_run
 from o3dleaf.commands.droplet.run import DropletJob
 from o3dleaf.core.journal import Journal
@@ -20,10 +21,11 @@ from o3dleaf.output.droplet.written import SETTINGS, find_cases
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _one_ray_a_pixel():
-    """Smooth edges are no part of what is asked here, and take most of the time."""
+def _in_short():
+    """Smooth edges and fine caps are no part of what is asked here, and take most of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pictures, "LOOK", replace(pictures.LOOK, supersampling=1))
+        patch.setattr(droplet_runs, "STEP", 4.0)
         yield
 
 

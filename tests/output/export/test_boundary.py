@@ -97,6 +97,7 @@ def test_particles_are_on_the_field_and_apart(leaf, solid):
     assert leaf.signed_distance(deep).max() < sag - 0.75 * SPACING
 
 
+@pytest.mark.few(thickness=3)
 @pytest.mark.parametrize(("thickness", "layers"), [(0.05, 1), (0.15, 1), (0.2, 2), (0.25, 2), (0.4, 3), (0.7, 4)])
 def test_a_thin_part_is_filled_once(thickness, layers):
     """Layer k where the part is at least 2k - 1/4 spacings thick: none lies among those of the other face."""
@@ -132,6 +133,7 @@ def test_an_open_mesh_has_a_surface_and_no_layers(tmp_path):
     assert (tmp_path / "a.csv").read_text(encoding="ascii").splitlines()[1] == "x,y,z,nx,ny,nz,area,layer"
 
 
+@pytest.mark.slow
 def test_the_command_writes_them(leaf, solid, tmp_path):
     leaf.save(tmp_path / "leaf.o3l")
     given = {"consumer": "sph", "step": SPACING, "spacing": 0.15, "region": REGION, "origin": (1.0, 2.0, 3.0)}

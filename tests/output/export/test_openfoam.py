@@ -102,6 +102,7 @@ def test_openfoam_finds_a_planted_hole_and_a_flipped_triangle(script, tmp_path):
         assert script.check_surface(name, mesh, tmp_path, ".obj").wrong == wrong
 
 
+@pytest.mark.slow
 def test_what_is_missing_is_said_in_one_line(tmp_path):
     words = [sys.executable, str(SCRIPT)]
     done = subprocess.run(words, capture_output=True, text=True, check=False, env=os.environ | {"PATH": str(tmp_path)})

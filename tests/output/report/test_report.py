@@ -36,6 +36,7 @@ def test_what_was_chosen_and_how_good_it_is_can_be_read(blade):
     assert 0 < least <= median <= greatest <= 1 + 1e-12
 
 
+@pytest.mark.slow
 def test_of_a_surface_the_chart_and_its_fit_can_be_read():
     """All that is measured of any blade is there too, and its warnings are those of the summary."""
     sample = o3l.samples.wheat_scan(count=600)
@@ -101,6 +102,7 @@ def test_triangles_of_a_blade_that_cross_others_are_told_with_their_place():
     assert "than the scan can tell apart" in warning
 
 
+@pytest.mark.slow
 def test_triangles_of_a_leaf_that_cross_others_are_told_with_their_place():
     leaf, lift = leaf_of(texture(lambda x, y, z: 0.04 - z**2))
     places = np.random.default_rng(0).uniform([0, -3], [20, 3], (400, 2))

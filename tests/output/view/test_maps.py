@@ -88,6 +88,12 @@ def test_flat_signed_and_given_maps_are_drawn(held, tmp_path):
     for other in ({"flat": True}, {"signed": True}):
         assert not np.array_equal(page, render_residuals(blade, scan, spacing=2.0, size=SIZE, **other))
     assert np.array_equal(np.round(imread(tmp_path / "fit.png")[:, :, :3] * 255).astype(np.uint8), page)
+
+
+@pytest.mark.slow
+def test_other_pieces_and_a_scan_far_away_change_no_map(held, tmp_path):
+    blade, scan = held
+    page = render_residuals(blade, scan, flat=True, signed=True, spacing=2.0, size=SIZE)
     others = scan + [0, 0, 30.0]
     of_piece = replace(blade, other_pieces=others)
     both = render_residuals(of_piece, np.concatenate([others, scan]), flat=True, signed=True, spacing=2.0, size=SIZE)

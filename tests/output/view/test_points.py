@@ -162,6 +162,7 @@ def test_vectors_are_the_same_every_time(ball, tmp_path, suffix):
     assert pages[0].read_bytes()[:5] in {b"%PDF-", b"<?xml"}
 
 
+@pytest.mark.slow
 def test_the_engines_draw_the_same_picture(ball):
     """Same silhouettes, furniture and colors, orthographic and in perspective; shadows and hidden sky aside."""
     if offscreen.find_renderer() is None:
