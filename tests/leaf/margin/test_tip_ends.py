@@ -4,16 +4,19 @@ import shapely
 from scipy.spatial import cKDTree
 
 import planar_leaves as leaves
+from o3dleaf.leaf.margin import margin_rings
 from o3dleaf.leaf.margin.edge.edge_fit import EdgeFit, fit_edge
 from o3dleaf.leaf.margin.edge.edge_frame import NODE_STEP, EdgeSample
 from o3dleaf.leaf.margin.edge.tip_ends import LONGEST, _tip, with_ends
 from o3dleaf.leaf.margin.edge.tip_likelihood import TipLikelihood
+from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.margin.margin_curve import Spacing
 from tolerances import TIP_LEAST, TIP_SLOPE
 
 LENGTH, POINTS = 45.0, 470
 SHAPE = np.array([2.4, 0.25, 0.004, 0.1, -0.05, 0.006])
 """Half width, taper and bulge; place, slope and bend of the middle line."""
+TWO_TIPS = [(12, -4), (24, 0), (12, 0)], [(12, 0), (24, 3), (12, 4)]
 
 
 def tip_of(seed, filled=None, angle=20):
@@ -26,6 +29,17 @@ def tip_of(seed, filled=None, angle=20):
     sample = EdgeSample(Spacing(cKDTree(points), np.ones(len(points))), 0.0, 1.0, filled)
     apex = np.array([[LENGTH / unit, 0.0]])
     return leaf, fit_edge(shapely.get_coordinates(leaf.exterior)[:-1], apex, sample), sample
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_ends_of_tips_cross_nothing(seed, monkeypatch):
+    """Of two tips beside each other with a slit between, too narrow to show: one tip, whose end would not fit."""
+    leaf = shapely.union_all([shapely.box(-12, -12, 12, 12)] + [shapely.Polygon(tip) for tip in TWO_TIPS])
+    rng, ended = np.random.default_rng(seed), []
+    monkeypatch.setattr(margin_rings, "with_ends", lambda *given: ended.append(with_ends(*given)) or ended[-1])
+    Margin.fit(leaves.uniform(leaf, rng.poisson(leaf.area), rng))
+    assert ended
+    assert shapely.is_valid([shapely.Polygon(curve) for curve in ended]).all()
 
 
 def points_of(seed):

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.polynomial import Polynomial
 
 from o3dleaf.core.checks.arrays import FloatArray
@@ -51,15 +52,17 @@ def with_ends(edge: EdgeFit, sample: EdgeSample) -> FloatArray:
     edge : EdgeFit
     sample : EdgeSample
     """
-    curve, count = edge.curve.copy(), len(edge.curve)
+    curve, count = edge.curve, len(edge.curve)
     for apex in edge.apexes:
         tip = _tip(edge, apex)
         if tip is None:
             continue
         flanks = _flanks(tip, sample)
         if flanks is not None:
-            rows = (apex + np.arange(1 - tip.steps, tip.steps)) % count
-            curve[rows] += sample.randomness * (flanks - curve[rows])
+            rows, ended = (apex + np.arange(1 - tip.steps, tip.steps)) % count, curve.copy()
+            ended[rows] += sample.randomness * (flanks - curve[rows])
+            if shapely.Polygon(ended).is_valid:  # else what passed for a tip lies beside another part of the leaf
+                curve = ended
     return curve
 
 
