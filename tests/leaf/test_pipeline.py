@@ -124,7 +124,6 @@ def test_the_height_map_of_the_real_leaf_is_not_steep(paper_blade):
     assert np.percentile(np.linalg.norm(paper_blade.height_map.gradient(plane), axis=1), 99) <= 1.2
 
 
-@pytest.mark.slow
 def test_the_multiscale_leaf_is_two_clean_sheets(leaf):
     surface = leaf.plan_mesh(0.3)
     sheets = surface.extract()
@@ -162,7 +161,6 @@ def test_g_is_zero_at_the_vertices_and_falls_with_the_square_of_the_spacing_betw
     assert errors[0] < 0.1 * spacings[0]
 
 
-@pytest.mark.slow
 def test_leaf_to_world_to_leaf_is_the_identity_inside_the_outline(paper_blade):
     outline, frame = paper_blade.outline, paper_blade.frame
     plane = np.random.default_rng(0).uniform(*outline.bounds, (20_000, 2))

@@ -41,7 +41,7 @@ def test_a_point_nearer_than_half_a_spacing_says_where_the_leaf_ends():
     assert np.mean(blade.outline.contains(blade.flatten(scan.points)[:, :2])) > INSIDE
 
 
-@pytest.mark.slow
+@pytest.mark.few(kind=1, seed=1)
 @pytest.mark.parametrize(("kind", "seed"), [("wavy", 0), ("winding", 0), ("twisted", 1)])
 def test_a_rounding_of_the_scan_is_one_of_the_blade(kind, seed):
     """The sheet, its chart, the margin and the surface: none of them chooses by a rounding."""
@@ -79,7 +79,7 @@ def test_a_ruffled_leaf_has_its_area():
     assert area == pytest.approx(triangle_areas(ruffled(flat), triangles).sum(), rel=tol.AREA_OF_RUFFLES)
 
 
-@pytest.mark.slow
+@pytest.mark.few(kind=1, spacing=1)
 @pytest.mark.parametrize(("kind", "spacing"), [("eaten", 0.8), ("wavy", 0.5)])
 def test_a_leaf_without_gaussian_curvature_is_laid_flat_without_stretch_up_to_its_margin(kind, spacing):
     leaf = o3l.samples.leaf_shape(kind, length=40)

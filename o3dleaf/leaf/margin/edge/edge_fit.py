@@ -19,7 +19,7 @@ from o3dleaf.leaf.margin.edge.edge_score import KERNEL, BlurredEdge, score
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
 FIRST = 0.75
-"""The least bandwidth, in local spacings: it leaves nine tenths of a wave of margin six spacings long."""
+"""The least bandwidth, in local spacings: it leaves nine tenths of a wave seven spacings long."""
 LEVELS = 6
 """Bandwidths, each √2 of the one before: the last is 4.2 spacings. Eight would be a tenth steadier on long leaves, and
 cut the ends of ellipses, whose radius is as long."""
@@ -75,6 +75,8 @@ def fit_edge(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeF
 
     References
     ----------
+    Katkovnik, V., Spokoiny, V. (2008): Spatially adaptive estimation via fitted local likelihood techniques. IEEE
+    Trans. Signal Process. 56, 873-886.
     Lepski, O. V. (1991): On a problem of adaptive estimation in Gaussian white noise. Theory Probab. Appl. 35, 454-466.
     Korostelev, A. P., Tsybakov, A. B. (1993): Minimax theory of image reconstruction. Springer.
     """
