@@ -44,25 +44,32 @@ def triangulate_band(points: FloatArray, sides: IntArray, *, conform: bool = Fal
     conform : bool
         Whether all sides are kept, though triangles at those that are missing are not Delaunay.
     """
+    ghosts = _ghosts(points, sides)
+    while True:
+        triangles, neighbors = _turned(Delaunay(np.concatenate([points, ghosts])))
+        size = len(points) + len(ghosts)
+        keys = (triangles[:, [1, 2, 0]] * size + triangles[:, [2, 0, 1]]).ravel()
+        wanted = sides[:, 0] * size + sides[:, 1]
+        order = np.argsort(keys)
+        at = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(order) - 1)]
+        there = keys[at] == wanted
+        if not there.all() and conform:
+            return MarginBand(_constrained(points, sides), np.empty(0, dtype=np.int64))
+        if not there.all():
+            return MarginBand(np.empty((0, 3), dtype=np.int64), np.flatnonzero(~there))
+        band = triangles[_flooded(neighbors, at, len(triangles))]
+        within = np.unique(band[band >= len(points)]) - len(points)
+        if not len(within):
+            return MarginBand(band, np.empty(0, dtype=np.int64))
+        ghosts = np.delete(ghosts, within, axis=0)  # across a slit or a kink a ghost lies in the band
+
+
+def _ghosts(points: FloatArray, sides: IntArray) -> FloatArray:
+    """Return points (g, 2) on the right of sides, but for those close to a point of the band."""
     start, stop = points[sides[:, 0]], points[sides[:, 1]]
     outward = np.stack([(stop - start)[:, 1], (start - stop)[:, 0]], axis=1)
     ghosts = (start + stop) / 2 + GHOST * outward
-    length = np.hypot(*outward.T)
-    ghosts = ghosts[cKDTree(points).query(ghosts)[0] > CLOSE * length]
-    delaunay = Delaunay(np.concatenate([points, ghosts]))
-    triangles, neighbors = _turned(delaunay)
-    size = len(points) + len(ghosts)
-    keys = (triangles[:, [1, 2, 0]] * size + triangles[:, [2, 0, 1]]).ravel()
-    wanted = sides[:, 0] * size + sides[:, 1]
-    order = np.argsort(keys)
-    at = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(order) - 1)]
-    there = keys[at] == wanted
-    if not there.all():
-        if conform:
-            return MarginBand(_constrained(points, sides), np.empty(0, dtype=np.int64))
-        return MarginBand(np.empty((0, 3), dtype=np.int64), np.flatnonzero(~there))
-    inside = _flooded(neighbors, at, len(triangles))
-    return MarginBand(triangles[inside], np.empty(0, dtype=np.int64))
+    return np.asarray(ghosts[cKDTree(points).query(ghosts)[0] > CLOSE * np.hypot(*outward.T)])
 
 
 def _turned(delaunay: Delaunay) -> tuple[IntArray, IntArray]:

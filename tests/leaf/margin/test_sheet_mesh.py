@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 import planar_leaves as leaves
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.leaf.margin.margin import Margin
+from o3dleaf.leaf.margin.sheet_band import triangulate_band
 from o3dleaf.leaf.margin.sheet_mesh import _halved, _margin, border_of, triangulate
 from tolerances import CUT_SHEET_ANGLE, CUT_SHEET_AREA, ON_THE_MARGIN, ROUNDING
 
@@ -113,3 +114,15 @@ def test_sides_counted_through_all_rings_are_cut_in_the_ring_that_they_are_of():
         halved = _halved(margin, np.array([start]))
         assert [len(chords.places) for chords in halved] == list(counts + (np.arange(len(counts)) == ring))
         assert halved[ring].places[1] == margin[ring].places[1] / 2
+
+
+def test_across_a_slit_nothing_outside_comes_into_the_band():
+    """A slit 0.05 wide with sides of one: what lies 0.6 outside of one of its sides is inside beyond the other."""
+    slit = [(5.05, 10), (5.05, 4), (5.025, 3.95), (5, 4), (5, 10)]
+    ring = shapely.Polygon([(0, 0), (10, 0), (10, 10), *slit, (0, 10)]).exterior
+    points = shapely.get_coordinates(shapely.segmentize(ring, 1.0))[:-1]
+    sides = np.stack([np.arange(len(points)), np.roll(np.arange(len(points)), -1)], axis=1)
+    band = triangulate_band(points, sides)
+    assert not len(band.missing)
+    assert band.triangles.max() < len(points)
+    assert areas(points, band.triangles).sum() == pytest.approx(shapely.Polygon(points).area, rel=ROUNDING)

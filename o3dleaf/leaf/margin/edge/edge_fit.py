@@ -95,15 +95,11 @@ def widened(frame: EdgeFrame, seen: BlurredEdge) -> tuple[FloatArray, FloatArray
     blur, information = seen.blur, seen.information
     bandwidth, stays = np.full(len(frame.curve), FIRST), np.zeros(len(frame.curve), dtype=bool)
     moved = most_likely(frame, blur, information * bandwidth**6, np.zeros(len(frame.curve)))
-    narrower: list[tuple[float, FloatArray]] = []
     for level in range(1, LEVELS):
-        narrower.append((FIRST * WIDEN ** (level - 1), moved))
-        wide = FIRST * WIDEN**level
-        wider = np.where(stays, bandwidth, wide)
+        narrow, wide = FIRST * WIDEN ** (level - 1), FIRST * WIDEN**level
+        narrower, wider = moved, np.where(stays, bandwidth, wide)
         moved = most_likely(frame, blur, information * wider**6, moved)
-        contradicted = np.zeros(len(stays), dtype=bool)
-        for narrow, curve in narrower:
-            contradicted |= _contradicted(log_ratio(frame, blur, curve, moved), narrow, wide)
+        contradicted = _contradicted(log_ratio(frame, blur, narrower, moved), narrow, wide)
         again = (contradicted & ~stays).any()
         stays |= contradicted
         bandwidth = np.where(stays, bandwidth, wider)
@@ -128,9 +124,7 @@ def log_ratio(frame: EdgeFrame, blur: FloatArray, moved: FloatArray, other: Floa
     """Return the logarithm (n,) of how many times as likely one curve makes the points of each node as another."""
     count, node = len(moved), frame.node
     points = log_ndtr((moved[node] - frame.across) / blur[node]) - log_ndtr((other[node] - frame.across) / blur[node])
-    depth = ((moved + other) / 2 + frame.half_width) / blur
-    strip = frame.length * frame.observed * (1 + log_ndtr(depth)) * (moved - other)
-    return np.asarray(np.bincount(node, points, count) - strip)
+    return np.asarray(np.bincount(node, points, count) - frame.length * frame.observed * (moved - other))
 
 
 def most_likely(
