@@ -1147,18 +1147,6 @@ bandwidth alone 0.37."""
 CORNER_HELD = 1.5
 """Spacings from a right-angled corner to the margin, mean of 16: found 1.03; with the widest bandwidth all over 2.0."""
 
-TEETH_AREA = 0.045
-"""Of leaves with teeth of 8 by 6 spacings, mean of three: found 0.031; 0.076 with a least bandwidth of 1.5 spacings."""
-TEETH_HELD = 0.064
-"""Of their areas, what margin and leaf do not share: found 0.057; 0.10 with a least bandwidth of 1.5 spacings."""
-
-RATIO_BY_CHANCE = 0.25
-"""Relative, of 1,500 spacings of edge, found 0.15 too small: the kernels' traces are those of long bandwidths."""
-STIFF_BY_CHANCE = 0.85
-"""Share of the nodes of straight edges, found 0.98; 0.76 where four times what chance makes is enough."""
-RATIO_OF_STRIP = 0.05
-"""Spacings to both sides of the greatest likelihood: less of it by 2e-3 and more at each node."""
-
 TIP_SLOPE = 1e-5
 """Central differences over 1e-6 of values of about 100: found 4e-7, relative to gradients above 1."""
 TIP_LEAST = 0.02

@@ -7,9 +7,9 @@ from scipy.spatial import cKDTree
 from scipy.special import ive
 
 import planar_leaves as leaves
-from o3dleaf.leaf.margin.edge.edge_fit import fit_edge, log_ratio, most_likely, moved_along, moved_apart, widened
+from o3dleaf.leaf.margin.edge.edge_fit import fit_edge, most_likely, moved_along, moved_apart
 from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample, edge_frame
-from o3dleaf.leaf.margin.edge.edge_score import KERNEL, blurred, score
+from o3dleaf.leaf.margin.edge.edge_score import blurred, score
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.margin.margin_curve import Spacing
 from tolerances import (
@@ -24,11 +24,6 @@ from tolerances import (
     FITTED_EDGE,
     FOUND_EDGE,
     PART_OF_THE_WAY,
-    RATIO_BY_CHANCE,
-    RATIO_OF_STRIP,
-    STIFF_BY_CHANCE,
-    TEETH_AREA,
-    TEETH_HELD,
     TIP_FLANKS,
     TIP_LENGTH,
 )
@@ -140,58 +135,6 @@ def test_corners_stay_where_a_stiffer_curve_would_cut_them():
         points = leaves.uniform(leaf, 600, np.random.default_rng(seed))
         off += list(shapely.distance(shapely.points(corners), Margin.fit(points).polygon.exterior))
     assert np.mean(off) < CORNER_HELD
-
-
-def saw(pitch, depth, length, half):
-    """A strip with triangular teeth along both sides, and its own ends smooth."""
-    places = np.arange(int(length / pitch))[:, None] * pitch + [0.0, pitch / 2]
-    side = np.stack([places.ravel(), np.tile([half, half + depth], len(places))], axis=1)
-    return shapely.Polygon(np.vstack([side, (side * [1, -1])[::-1]]))
-
-
-def test_teeth_of_eight_spacings_are_kept():
-    """Of 24 points each; a least bandwidth of 1.5 spacings fills the bays between them."""
-    leaf, area, off = saw(8.0, 6.0, 96.0, 14.0), [], []
-    for seed in range(3, 6):
-        rng = np.random.default_rng(seed)
-        points = leaves.uniform(leaf, rng.poisson(leaf.area), rng)
-        found = Margin.fit(points).polygon
-        area.append(found.area / leaf.area - 1)
-        off.append(found.symmetric_difference(leaf).area / leaf.area)
-    assert abs(np.mean(area)) < TEETH_AREA
-    assert np.mean(off) < TEETH_HELD
-
-
-def test_a_softer_edge_is_more_likely_by_as_much_as_its_parameters_are_more():
-    """In the mean over straight edges, and by chance a stiff one is hardly anywhere contradicted."""
-    gained, stiffest, radius = [], [], 60.0
-    for seed in range(4):
-        sample = edge_of_disc(radius, 0.0, seed)
-        frame = edge_frame(circle(radius), NO_TIPS, sample)
-        seen, start = sample.seen(frame.spacing), np.zeros(len(frame.curve))
-        one, other = (most_likely(frame, seen.blur, seen.information * h**6, start) for h in (1.5, 3.0))
-        gained.append(2 * log_ratio(frame, seen.blur, one, other).sum() / frame.length.sum())
-        bandwidth = widened(frame, seen)[1]
-        stiffest.append(np.mean(bandwidth == bandwidth.max()))
-    assert np.mean(gained) == pytest.approx(KERNEL * (1 / 1.5 - 1 / 3.0), rel=RATIO_BY_CHANCE)
-    assert np.mean(stiffest) > STIFF_BY_CHANCE
-
-
-def test_the_ratio_of_likelihoods_has_their_gradient():
-    """In a narrow tip, too, where a strip holds fewer points: its maximum is that of the scores."""
-    leaf = leaves.strip(15, length=45.0)
-    points = leaves.uniform(leaf, 470, np.random.default_rng(0))
-    spacing = leaves.true_spacing(leaf, points)
-    sample = EdgeSample(Spacing(cKDTree(points), np.full(470, spacing)), 0.0, 1.0, shapely.MultiPolygon())
-    frame = edge_frame(shapely.get_coordinates(leaf.exterior)[:-1], np.array([[45.0, 0.0]]), sample)
-    blur, free = sample.seen(frame.spacing).blur, np.zeros(len(frame.curve))
-    # Without a penalty each node is by itself where it is most likely, but for bounds.
-    best = most_likely(frame, blur, free, free, 200)
-    inside = frame.observed & (np.abs(best) < 1.4) & (best > -0.79 * frame.half_width)
-    inside &= np.bincount(frame.node, minlength=len(free)) > 0
-    assert (frame.half_width[inside] < 3.0).sum() > 30
-    for step in (-RATIO_OF_STRIP, RATIO_OF_STRIP):
-        assert (log_ratio(frame, blur, best, best + step)[inside] > 0).all()
 
 
 def test_a_narrow_tip_ends_in_the_mean_where_the_leaf_does_and_its_flanks_lie_there():

@@ -10,28 +10,30 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from scipy.ndimage import distance_transform_edt, maximum_filter1d, uniform_filter1d
+from scipy.ndimage import distance_transform_edt, maximum_filter1d
 from scipy.special import log_ndtr
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.edge.edge_frame import NODE_STEP, EdgeFrame, EdgeSample, edge_frame
-from o3dleaf.leaf.margin.edge.edge_score import KERNEL, BlurredEdge, score
+from o3dleaf.leaf.margin.edge.edge_score import BlurredEdge, score
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
-FIRST = 0.75
-"""The least bandwidth, in local spacings: it leaves nine tenths of a wave seven spacings long."""
-LEVELS = 6
-"""Bandwidths, each √2 of the one before: the last is 4.2 spacings. Eight would be a tenth steadier on long leaves, and
+FIRST = 1.5
+"""The least bandwidth, in local spacings."""
+LEVELS = 4
+"""Bandwidths, each √2 of the one before: the last is 4.2 spacings. Six would be a tenth steadier on long leaves, and
 cut the ends of ellipses, whose radius is as long."""
 WIDEN = np.sqrt(2.0)
-ROUNDS = 2
-"""Times that the curve is found, each time by distances from where it has come to."""
+CHANGE = 0.0307
+"""Variance by which the curve changes from one bandwidth to the next, times information and bandwidth:
+(1/π) ∫ (H(u) − H(√2 u))² du with H(u) = 1/(1 + u⁶)."""
+BEYOND_CHANCE = 3.0
+"""Deviations of that change from which on it is taken for none of chance's. Gaps between points pass for such changes
+too: a tenth of a straight margin keeps the softer curve by chance, 0.012 spacings farther inside in the mean; a corner
+that is missed costs more. Nine units of twice the gain in log likelihood would be as rare as they should be, and would
+miss bays of ten spacings."""
 SPREAD = 2.0
-"""Bandwidths to both sides over which the likelihoods of two curves are compared."""
-BEYOND_CHANCE = 9.0
-"""Times what chance makes of their ratio in the mean, from which on it is none of chance's: twice the logarithm of a
-likelihood ratio is then beyond three deviations. Along a straight margin one window in three hundred is so by chance,
-and keeps the softer curve; a corner that is missed costs more."""
+"""Bandwidths to both sides of such a place in which the softer curve stays."""
 MAX_MOVE = 1.5
 """Spacings that the curve may move."""
 NOT_ACROSS = 0.8
@@ -75,18 +77,18 @@ def fit_edge(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeF
 
     References
     ----------
-    Katkovnik, V., Spokoiny, V. (2008): Spatially adaptive estimation via fitted local likelihood techniques. IEEE
-    Trans. Signal Process. 56, 873-886.
     Lepski, O. V. (1991): On a problem of adaptive estimation in Gaussian white noise. Theory Probab. Appl. 35, 454-466.
     Korostelev, A. P., Tsybakov, A. B. (1993): Minimax theory of image reconstruction. Springer.
     """
-    for _ in range(ROUNDS):
-        frame = edge_frame(curve, apexes, sample)
-        seen = sample.seen(frame.spacing)
-        moved, bandwidth = widened(frame, seen)
-        bias = seen.bias(bandwidth, frame.curvature, sample.randomness)
-        curve = moved_apart(frame, moved - bias, sample.share(frame))
-        apexes = curve[frame.apexes]
+    frame = edge_frame(curve, apexes, sample)
+    seen, bandwidth = sample.seen(frame.spacing), np.full(len(frame.curve), FIRST)
+    moved = most_likely(frame, seen.blur, seen.information * bandwidth**6, np.zeros(len(frame.curve)))
+    curve = moved_apart(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share(frame))
+    # Distances are taken anew from where the curve has come to.
+    frame = edge_frame(curve, curve[frame.apexes], sample)
+    seen = sample.seen(frame.spacing)
+    moved, bandwidth = widened(frame, seen)
+    curve = moved_apart(frame, moved - seen.bias(bandwidth, frame.curvature, sample.randomness), sample.share(frame))
     return EdgeFit(curve, frame.spacing, frame.gap, frame.apexes)
 
 
@@ -95,36 +97,17 @@ def widened(frame: EdgeFrame, seen: BlurredEdge) -> tuple[FloatArray, FloatArray
     blur, information = seen.blur, seen.information
     bandwidth, stays = np.full(len(frame.curve), FIRST), np.zeros(len(frame.curve), dtype=bool)
     moved = most_likely(frame, blur, information * bandwidth**6, np.zeros(len(frame.curve)))
-    for level in range(1, LEVELS):
-        narrow, wide = FIRST * WIDEN ** (level - 1), FIRST * WIDEN**level
-        narrower, wider = moved, np.where(stays, bandwidth, wide)
-        moved = most_likely(frame, blur, information * wider**6, moved)
-        contradicted = _contradicted(log_ratio(frame, blur, narrower, moved), narrow, wide)
-        again = (contradicted & ~stays).any()
-        stays |= contradicted
+    for level in range(LEVELS - 1):
+        last = FIRST * WIDEN**level
+        wider = np.where(stays, bandwidth, WIDEN * last)
+        trial = most_likely(frame, blur, information * wider**6, moved)
+        change = np.abs(trial - moved) > BEYOND_CHANCE * np.sqrt(CHANGE / (information * last))
+        contradicted = change & ~stays & frame.observed
+        stays |= maximum_filter1d(contradicted, 2 * round(SPREAD * last / NODE_STEP) + 1, mode="wrap")
         bandwidth = np.where(stays, bandwidth, wider)
-        if again:
-            moved = most_likely(frame, blur, information * bandwidth**6, moved)
+        again = contradicted.any()
+        moved = most_likely(frame, blur, information * bandwidth**6, trial) if again else trial
     return moved, bandwidth
-
-
-def _contradicted(ratio: FloatArray, narrow: float, wide: float) -> BoolArray:
-    """Return the nodes (n,) in windows in which a curve of a narrow bandwidth is more likely than by chance.
-
-    It has `KERNEL` parameters for each bandwidth of its length, and each that it has more than the wide one makes twice
-    the logarithm (n,) of the ratio of their likelihoods greater by one in the mean.
-    """
-    window = 2 * round(SPREAD * narrow / NODE_STEP) + 1
-    by_chance = KERNEL * 2 * SPREAD * (1 - narrow / wide)
-    twice = 2 * window * uniform_filter1d(ratio, window, mode="wrap")
-    return np.asarray(maximum_filter1d(twice > BEYOND_CHANCE * by_chance, window, mode="wrap"))
-
-
-def log_ratio(frame: EdgeFrame, blur: FloatArray, moved: FloatArray, other: FloatArray) -> FloatArray:
-    """Return the logarithm (n,) of how many times as likely one curve makes the points of each node as another."""
-    count, node = len(moved), frame.node
-    points = log_ndtr((moved[node] - frame.across) / blur[node]) - log_ndtr((other[node] - frame.across) / blur[node])
-    return np.asarray(np.bincount(node, points, count) - frame.length * frame.observed * (moved - other))
 
 
 def most_likely(
