@@ -75,11 +75,11 @@ def add_strays(points, share, number):
 
 
 def found_in(points):
-    """Return which points are kept, the petiole or None, and a line on what may be one, as of a blade."""
+    """Return which points are kept, the petiole or None, and what may be one, as of a blade."""
     return find_petiole(points, OrientedCloud.of(points).noise)
 
 
-def tell_kept(number, drawn, told):
+def tell_kept(number, drawn, *, told):
     """Print the sizes of a petiole that is kept, and whether it is told."""
     spacing = drawn["spacing"]
     print(
@@ -103,9 +103,9 @@ if __name__ == "__main__":
         count = lines = 0
         for number in options.numbers or range(96):
             points, name = draw_narrow(number, held_out=options.held_out)
-            _, petiole, told = found_in(add_strays(points, options.strays, number))
+            _, petiole, part = found_in(add_strays(points, options.strays, number))
             count += petiole is not None
-            lines += len(told)
+            lines += part is not None
             if petiole is not None:
                 print(f"{number:2d} {name}: {petiole}", flush=True)
         print(
@@ -115,11 +115,11 @@ if __name__ == "__main__":
         shares, lines = [], 0
         for number in options.numbers or range(60):
             points, is_stalk, drawn = draw_petiole(number, thinned=options.thinned, held_out=options.held_out)
-            kept, petiole, told = found_in(add_strays(points, options.strays, number))
+            kept, petiole, part = found_in(add_strays(points, options.strays, number))
             kept = kept[: len(points)]
             if petiole is None:
-                tell_kept(number, drawn, told)
-                lines += len(told)
+                tell_kept(number, drawn, told=part is not None)
+                lines += part is not None
             else:
                 shares.append([np.mean(~kept[is_stalk]), np.mean(~kept[~is_stalk])])
         cut = np.quantile(shares, [0.05, 0.5, 0.95], axis=0).T

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -16,7 +17,7 @@ from o3dleaf.leaf.chart.stalk.junction import Junction, find_junction
 from o3dleaf.leaf.chart.stalk.lobes import is_one_of_several
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
 from o3dleaf.leaf.chart.stalk.sections import sections_along
-from o3dleaf.leaf.chart.stalk.stretches import StalkStretch, find_stretch
+from o3dleaf.leaf.chart.stalk.stretches import StalkStretch, find_stretches
 from o3dleaf.surface.cloud.outliers import detect_outliers
 from o3dleaf.surface.cloud.usable_points import usable_rows
 
@@ -81,8 +82,38 @@ class Petiole:
         return f"petiole: {size}, from {end} to the blade at {junction}"
 
 
-def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Petiole | None, tuple[str, ...]]:
-    """Return which (n,) points are not petiole, the petiole or None, and a line on what may be one and is kept.
+class NarrowPart(NamedTuple):
+    """A narrow part of a leaf that may be its petiole, and is kept as blade.
+
+    Attributes
+    ----------
+    stretch : StalkStretch
+    end : (3,) ndarray
+        Its outer end, in world coordinates.
+    around : (n, 3) ndarray
+        Points of the leaf, by which places are told.
+    why : str
+        Why it is kept.
+    """
+
+    stretch: StalkStretch
+    end: FloatArray
+    around: FloatArray
+    why: str
+
+    @property
+    def base(self) -> FloatArray | None:
+        """Its end, which is the base if the part is so long, slender or curled that it is no shred of a margin."""
+        return self.end if self.stretch.is_sure else None
+
+    def __str__(self) -> str:
+        size = f"about {tell_length(self.stretch.length)} long and {tell_length(self.stretch.width)} wide"
+        said = f"a narrow part, {size}, is kept as blade, its end at {tell_place(self.end, self.around)}"
+        return f"{said}: {self.why}; cut it off if it is one"
+
+
+def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Petiole | None, NarrowPart | None]:
+    """Return which (n,) points are not petiole, the petiole or None, and what may be one and is kept.
 
     The leaf is cut into sections at equal distance from one of its ends; a petiole is a stretch of them that is
     narrow against the widest, long against itself, and does not taper to the end as a tip does; and no two other ends
@@ -98,44 +129,32 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
         Standard deviation of the points across the surface.
     """
     blade, found = np.ones(len(points), dtype=bool), None
-    unsure: list[tuple[StalkStretch, int, str]] = []
+    unsure: list[NarrowPart] = []
     if len(points) < FEWEST:
-        return blade, found, ()
-    some = _rows_looked_at(points)
-    ways = PointWays(points[some])
-    coarse = float(np.sqrt(np.median(ways.cells)))
-    spacing = coarse * float(np.sqrt(len(some) / len(points)))
-    own, reached = _nearest(points, some, ways)
+        return blade, None, None
+    leaf = _Leaf(points, noise)
+    ways = leaf.ways
     for end in _ends(ways):
         distance = ways.from_point(end)
-        sections = sections_along(ways.points, ways.cells, distance, noise)
-        stretch = find_stretch(sections)
-        if stretch is None:
+        stalk = _stalk_from(leaf, distance)
+        if stalk is None:
             continue
-        each = np.where(reached, distance[own], np.inf)
-        shows = stretch.is_sure and stretch.width >= RESOLVED * coarse
-        junction = find_junction(points, each, stretch, spacing, noise) if shows else None
-        # A tip tapers over many of its widths, most of them beyond what few points show to be straight.
-        is_narrow = sections.is_narrow_from(stretch.last)
-        if junction is None or junction.width < (RESOLVED if is_narrow else ROW) * spacing:
-            why = NO_JUNCTION if shows and junction is None else FEW
-            told = why == NO_JUNCTION or not is_narrow
-            if told and not is_one_of_several(ways, distance <= stretch.last, distance, noise):
-                unsure.append((stretch, end, why))
+        if stalk.junction is None:
+            if stalk.is_told and not is_one_of_several(ways, distance <= stalk.stretch.last, distance, noise):
+                unsure.append(NarrowPart(stalk.stretch, ways.points[end], ways.points, stalk.why))
             continue
-        outside = junction.outside(points, each)
-        cut = outside[some[ways.rows]]
-        petiole = _measure(ways, cut, distance, junction, end)
+        outside = stalk.junction.outside(points, leaf.of_each(distance))
+        cut = outside[leaf.rows]
         if is_one_of_several(ways, cut, distance, noise):
             continue
-        kept = _why_too_large(petiole) or attachment_of(ways, cut, junction).why_kept()
-        if kept is not None:
-            if not is_narrow:
-                unsure.append((stretch, end, kept))
-            continue
-        if found is None or petiole.length / petiole.width > found.length / found.width:
+        petiole = _measure(ways, cut, distance, stalk.junction, end)
+        kept = _why_too_large(petiole) or attachment_of(ways, cut, stalk.junction).why_kept()
+        if kept is not None and stalk.is_told:
+            unsure.append(NarrowPart(stalk.stretch, ways.points[end], ways.points, kept))
+        elif kept is None and (found is None or petiole.length / petiole.width > found.length / found.width):
             blade, found = ~outside, petiole
-    return blade, found, () if found is not None else _tell_unsure(ways, unsure)
+    longest = max(unsure, key=lambda part: part.stretch.length, default=None)
+    return blade, found, longest if found is None else None
 
 
 def _why_too_large(petiole: Petiole) -> str | None:
@@ -144,6 +163,55 @@ def _why_too_large(petiole: Petiole) -> str | None:
     if petiole.area <= LARGEST * tube:
         return None
     return f"what would be cut off has {petiole.area / tube:.2g} times the area of a tube of that size"
+
+
+class _Leaf:
+    """The points of a leaf and their noise, and the ways along those of them among which a petiole is looked for.
+
+    `rows` are these points' (k,), `coarse` their spacing and `spacing` that of all of them.
+    """
+
+    def __init__(self, points: FloatArray, noise: float) -> None:
+        some = _rows_looked_at(points)
+        self.points, self.noise, self.ways = points, noise, PointWays(points[some])
+        self.rows: IntArray = some[self.ways.rows]
+        self.coarse = float(np.sqrt(np.median(self.ways.cells)))
+        self.spacing = self.coarse * float(np.sqrt(len(some) / len(points)))
+        number = np.full(len(points), -1, dtype=np.int64)
+        number[self.rows] = np.arange(len(self.rows))
+        # Each point's among the ways: its own, or the nearest one's if it hangs together with them.
+        self._own = number if len(some) == len(points) else number[some[query(cKDTree(points[some]), points)[1]]]
+
+    def of_each(self, distance: FloatArray) -> FloatArray:
+        """Return for each point (n,) what is known for those of the ways (k,); where there is no way it is infinite."""
+        return np.where(self._own >= 0, distance[np.maximum(self._own, 0)], np.inf)
+
+
+class _Stalk(NamedTuple):
+    """What may be a petiole, its junction if it shows one, why it is kept if not, and whether that is told."""
+
+    stretch: StalkStretch
+    junction: Junction | None
+    why: str
+    is_told: bool
+
+
+def _stalk_from(leaf: _Leaf, distance: FloatArray) -> _Stalk | None:
+    """Return the stalk of sections at equal `distance` (k,) from an end, up to where a junction shows; or None."""
+    sections = sections_along(leaf.ways.points, leaf.ways.cells, distance, leaf.noise)
+    stalk = None
+    for stretch in find_stretches(sections):
+        shows = stretch.is_sure and stretch.width >= RESOLVED * leaf.coarse
+        each = leaf.of_each(distance)
+        junction = find_junction(leaf.points, each, stretch, leaf.spacing, leaf.noise) if shows else None
+        why = NO_JUNCTION if shows and junction is None else FEW
+        # A tip tapers over many of its widths, most of them beyond what few points show to be straight.
+        is_narrow = sections.is_narrow_from(stretch.last)
+        is_told = why == NO_JUNCTION or not is_narrow or (stalk is not None and stalk.is_told)
+        if junction is not None and junction.width >= (RESOLVED if is_narrow else ROW) * leaf.spacing:
+            return _Stalk(stretch, junction, why, is_told)
+        stalk = _Stalk(stretch, None, why, is_told)
+    return stalk
 
 
 def _rows_looked_at(points: FloatArray) -> IntArray:
@@ -155,30 +223,6 @@ def _rows_looked_at(points: FloatArray) -> IntArray:
     if len(some) <= MAX_POINTS:
         return some
     return np.sort(np.random.default_rng(0).permutation(some)[:MAX_POINTS])
-
-
-def _tell_unsure(ways: PointWays, unsure: list[tuple[StalkStretch, int, str]]) -> tuple[str, ...]:
-    """Return a line on the longest of some stretches, each with its end and why it is kept, that may be a petiole."""
-    if not unsure:
-        return ()
-    stretch, end, why = max(unsure, key=lambda each: each[0].length)
-    size = f"about {tell_length(stretch.length)} long and {tell_length(stretch.width)} wide"
-    at = tell_place(ways.points[end], ways.points)
-    said = f"a narrow part, {size}, is kept as blade, its end at {at}"
-    return (f"{said}: {why}; cut it off if it is one",)
-
-
-def _nearest(points: FloatArray, some: IntArray, ways: PointWays) -> tuple[IntArray, BoolArray]:
-    """Return for each of (n, 3) points the nearest one of the ways, and whether it hangs together with them."""
-    if len(some) == len(points):
-        own, reached = np.zeros(len(points), dtype=np.int64), np.zeros(len(points), dtype=bool)
-        own[ways.rows], reached[ways.rows] = np.arange(len(ways.rows)), True
-        return own, reached
-    nearest = query(cKDTree(points[some]), points)[1]
-    row = np.full(len(some), -1, dtype=np.int64)
-    row[ways.rows] = np.arange(len(ways.rows))
-    own = row[nearest]
-    return np.maximum(own, 0), own >= 0
 
 
 def _ends(ways: PointWays) -> list[int]:

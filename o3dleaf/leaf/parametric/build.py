@@ -196,9 +196,9 @@ def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray
     except InputError:
         # No surface shows in these points; the search for a sheet says so, and where.
         return points, _Parted()
-    blade, petiole, unsure = find_petiole(points, noise)
+    blade, petiole, kept = find_petiole(points, noise)
     if petiole is None:
-        return points, _Parted(notes=unsure)
+        return points, _Parted() if kept is None else _Parted(kept.base, notes=(str(kept),))
     end, junction = np.array(petiole.end), np.array(petiole.junction)
     if options.keep_petiole:
         return points, _Parted(end, None, (f"{petiole}: kept as part of the blade",))

@@ -13,6 +13,9 @@ from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import triangle_areas
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.outline_area import places_inside
+from o3dleaf.leaf.chart import petiole as petiole_module
+from o3dleaf.leaf.chart.petiole import NarrowPart
+from o3dleaf.leaf.chart.stalk.stretches import StalkStretch
 from o3dleaf.leaf.fit_quality import MAX_OUTSIDE, FitQuality
 from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.parametric import build, surface_fit
@@ -216,13 +219,32 @@ def told_lengths(notes):
     return [float(number.replace(",", "")) * unit_scale(name, "m") for number, name in told]
 
 
-def test_what_may_be_a_petiole_is_a_line_of_the_read_out(monkeypatch):
+@pytest.mark.parametrize("is_sure", [True, False])
+def test_what_may_be_a_petiole_is_a_line_of_the_read_out_and_the_base_if_it_is_no_shred(monkeypatch, is_sure):
     points = np.random.default_rng(0).uniform(0, 20, (500, 3)) * [1, 1, 0]
-    monkeypatch.setattr(build, "find_petiole", lambda some, _: (np.ones(len(some), bool), None, ("a narrow part",)))
+    end = points[0]
+    part = NarrowPart(StalkStretch(0.0, 9.0, 2.0, is_sure), end, points, "reason")
+    monkeypatch.setattr(build, "find_petiole", lambda some, _: (np.ones(len(some), bool), None, part))
     left, parted = build._part_petiole(points, BladeOptions())
     assert left is points
-    assert parted.notes == ("a narrow part",)
-    assert parted.cut is None
+    (line,) = parted.notes
+    assert "9 long and 2 wide" in line
+    assert parted.base is (end if is_sure else None)
+    assert parted.junction is parted.cut is None
+
+
+@pytest.mark.slow
+def test_the_base_of_a_blade_is_the_end_of_a_petiole_that_is_kept(monkeypatch):
+    """By its shape alone it is the other end, which is wider."""
+    monkeypatch.setattr(petiole_module, "find_junction", lambda *_: None)
+    leaf = o3l.samples.leaf_shape("petiole")
+    scan = o3l.samples.scan_leaf(leaf, spacing=1.0, seed=2)
+    blade = o3l.create_blade(scan.points, unit="mm")
+    assert blade.petiole is None
+    assert any("kept as blade" in note for note in blade.notes)
+    base, tip = leaf.lift(np.reshape(leaf.outline.bounds, (2, 2)) * [1, 0])
+    start = blade.lift([[0.0, 0.0, 0.0]])[0]
+    assert np.linalg.norm(start - base) < np.linalg.norm(start - tip) / 2
 
 
 def test_a_petiole_that_was_cut_off_does_not_lie_beside_the_blade():

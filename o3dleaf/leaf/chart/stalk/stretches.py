@@ -1,5 +1,6 @@
 """The stretch of a leaf's sections that is a stalk: long, narrow against the blade, and not tapering."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,8 @@ SLENDER, SLENDER_NECK = 2.5, 4.0
 """Times its width that a stalk is long; and a neck with something wider outside it, a stub of the stem."""
 STEADY = 0.5
 """Width of its outer third over that of its inner third: 0.2 for a tip that tapers straight, 1 for a stalk."""
+STEADY_PAST_WIDER = 0.75
+"""The same of one that goes on past wider sections, where a blade may have begun."""
 BULGE = 0.75
 """Width of its outer third over that of its middle third, at least: 0.6 for a lobe pointed at both ends or a spindle,
 1 for a stalk, more for one with a stub."""
@@ -55,33 +58,45 @@ class StalkStretch(NamedTuple):
         return self.last - self.first
 
 
-def find_stretch(sections: Sections) -> StalkStretch | None:
-    """Return the outermost stretch of sections that is a stalk: from the end, or with no more than a stub outside.
+def find_stretches(sections: Sections) -> Iterator[StalkStretch]:
+    """Yield the outermost stretch of sections that is a stalk, and then as it goes on through the next narrow ones.
 
-    If none is sure it is the outermost that may be one.
+    It begins at the end of the leaf, or with no more than a stub outside. If none is sure it is the outermost that may
+    be one. A bend or a few points beside a stalk look wide as a blade does: where no blade begins it goes on.
     """
+    runs, half = _narrow_runs(sections), 0.5 * sections.area[-1]
+    within = [run for run in runs if sections.area[run[1] - 1] <= half]
     unsure = None
-    width, area, widest = sections.width, sections.area, sections.widest
-    for first, last in _narrow_runs(sections):
-        outside = area[first - 1] if first else 0.0
-        if outside > LARGEST_STUB * area[-1] or area[last - 1] > 0.5 * area[-1]:
+    for number, (first, last) in enumerate(within):
+        if first and sections.area[first - 1] > LARGEST_STUB * sections.area[-1]:
             break
-        usual = float(np.median(width[first:last]))
-        unflared = np.flatnonzero(width[first:last] <= FLARE * usual)
-        stretch = slice(first, first + int(unflared[-1]) + 1)
-        length = (stretch.stop - first) * sections.step
-        steady, error = (np.inf, 0.0) if first else _steadiness(width[stretch], sections.free[stretch])
-        slender = length >= (SLENDER_NECK if first else SLENDER) * usual
-        deep = float(np.median(sections.depth[stretch])) >= ROUND * usual
-        may_be_short = deep or length >= SLENDER_FLAT * usual
-        may_be_steady = steady >= 1 or (may_be_short and steady + ERRORS * error >= 1)
-        if not may_be_steady or not slender or length < LONG_IF_ROUND * widest:
-            continue
-        found = StalkStretch(first * sections.step, first * sections.step + length, usual, is_sure=True)
-        if steady >= 1 and (may_be_short or length >= LONG * widest):
-            return found
-        unsure = unsure or found._replace(is_sure=False)
-    return unsure
+        found = _stalk(sections, first, last)
+        if found is not None and found.is_sure:
+            yield found
+            longer = (_stalk(sections, first, beyond, STEADY_PAST_WIDER) for _, beyond in within[number + 1 :])
+            yield from (each for each in longer if each is not None and each.is_sure)
+            return
+        unsure = unsure or found
+    if unsure is not None:
+        yield unsure
+
+
+def _stalk(sections: Sections, first: int, last: int, steady: float = STEADY) -> StalkStretch | None:
+    """Return the stalk that the sections from one station up to another are, or None if they are none."""
+    width = sections.width[first:last]
+    usual = float(np.median(width))
+    unflared = np.flatnonzero(width <= FLARE * usual)
+    stretch = slice(first, first + int(unflared[-1]) + 1)
+    length = (stretch.stop - first) * sections.step
+    ratio, error = (np.inf, 0.0) if first else _steadiness(sections.width[stretch], sections.free[stretch], steady)
+    slender = length >= (SLENDER_NECK if first else SLENDER) * usual
+    deep = float(np.median(sections.depth[stretch])) >= ROUND * usual
+    may_be_short = deep or length >= SLENDER_FLAT * usual
+    may_be_steady = ratio >= 1 or (may_be_short and ratio + ERRORS * error >= 1)
+    if not may_be_steady or not slender or length < LONG_IF_ROUND * sections.widest:
+        return None
+    is_sure = ratio >= 1 and (may_be_short or length >= LONG * sections.widest)
+    return StalkStretch(first * sections.step, first * sections.step + length, usual, is_sure)
 
 
 def _narrow_runs(sections: Sections) -> IntArray:
@@ -100,7 +115,7 @@ def _runs_of(held: BoolArray) -> IntArray:
     return np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]))).reshape(-1, 2)
 
 
-def _steadiness(width: FloatArray, free: FloatArray) -> tuple[float, float]:
+def _steadiness(width: FloatArray, free: FloatArray, steady: float) -> tuple[float, float]:
     """Return a ratio below 1 where sections from an end on taper towards it, as a tip or a lobe does, and its error.
 
     Of widths (k,) and their degrees of freedom (k,).
@@ -108,6 +123,6 @@ def _steadiness(width: FloatArray, free: FloatArray) -> tuple[float, float]:
     third = len(width) // 3
     ends = max(1, third)
     outer = float(width[:ends].mean())
-    within = max(STEADY * float(width[-ends:].mean()), BULGE * float(width[third : len(width) - third].mean()))
+    within = max(steady * float(width[-ends:].mean()), BULGE * float(width[third : len(width) - third].mean()))
     ratio = outer / within if within else np.inf
     return ratio, ratio / float(np.sqrt(2 * max(1.0, free[:ends].sum())))
