@@ -23,6 +23,14 @@ def lobed():
     return shapely.Polygon(np.stack([radius * np.cos(TURN), radius * np.sin(TURN)], axis=1))
 
 
+def toothed(pitch, depth, length=100.0, half=14.0):
+    """A strip with triangular teeth along both sides."""
+    count = int(length / pitch)
+    up = [(pitch * (i + part), half + 2 * part * depth) for i in range(count) for part in (0.0, 0.5)]
+    up.append((count * pitch, half))
+    return shapely.Polygon(up + [(x, -y) for x, y in up][::-1])
+
+
 def eaten(notch):
     """The ellipse with a hole of 10 and a notch of a given width."""
     bite = shapely.Point(10, 2).buffer(5, quad_segs=64)

@@ -3,6 +3,7 @@
 `edge_score`         what single points say of an edge near them
 `third_differences`  third differences around a closed curve, and the systems that they make
 `edge_frame`         a closed curve with the points near it
+`discoveries`        stretches of a curve where a softer one is more likely than by chance
 `edge_fit`           the curve of greatest likelihood, as stiff as the sample allows
 `edge_noise`         how far noise carries points across an edge
 `edge_excess`        how many points more there are along it, of a thinned sample
