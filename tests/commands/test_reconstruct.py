@@ -61,7 +61,7 @@ def test_a_red_cloud_is_red(run, small_pictures, tmp_path):
     mesh = o3d.io.read_triangle_mesh(str(tmp_path / "mesh.ply"))
     np.testing.assert_array_equal(np.asarray(mesh.vertex_colors), np.broadcast_to([1, 0, 0], (len(mesh.vertices), 3)))
     assert mesh.has_vertex_normals()
-    assert run("render", tmp_path / "mesh.ply", "-o", tmp_path / "two.png").returncode == 0
+    assert run("render", tmp_path / "mesh.ply", "--size", 400, 250, "-o", tmp_path / "two.png").returncode == 0
     for name in ("one.png", "two.png"):
         pixels = np.asarray(o3d.io.read_image(str(tmp_path / name)))[..., :3].astype(float)
         solid = np.ptp(pixels, axis=2) > 60  # neither paper nor ink
