@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
+from hypothesis.internal.entropy import deterministic_PRNG
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from threadpoolctl import threadpool_limits
@@ -61,6 +62,8 @@ def pytest_configure(config: pytest.Config) -> None:
     Of what is imported and collected next nothing is garbage: to look for some would take a sixth of that time.
     """
     gc.disable()
+    with deterministic_PRNG():  # where it is first entered it goes through all that there is: here that is little
+        pass
     config.addinivalue_line("markers", "slow: takes long, and runs with --slow only")
     config.addinivalue_line(
         "markers",
@@ -106,12 +109,27 @@ def alone(compile_here: Callable[..., object], folder: Path) -> Callable[..., ob
     return compile_alone
 
 
+class LastFirst(pytest.Dir):
+    """A folder whose tests are collected from its end."""
+
+    def collect(self) -> Iterator[pytest.Item | pytest.Collector]:
+        """Yield what is in the folder."""
+        yield from [*super().collect()][::-1]
+
+
+def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Let every other worker begin at the end: of what pytest makes of test files and keeps, each makes half."""
+    is_other = os.environ.get("PYTEST_XDIST_WORKER", "gw0")[-1] in "13579"
+    collector: pytest.Collector | None = LastFirst.from_parent(parent, path=path) if is_other else None
+    return collector
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Begin with what stands highest in the tree: the more a test runs at once, the longer the others wait for it.
 
     Slow tests are left out, unless they are asked for.
     """
-    items.sort(key=lambda item: len(item.path.parts))
+    items.sort(key=lambda item: (len(item.path.parts), item.path))
     for item in [*find_repeats(item for item in items if not is_slow(item))]:
         item.add_marker("slow")
     config.stash[SLOW_LEFT_OUT] = 0
