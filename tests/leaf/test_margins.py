@@ -46,7 +46,7 @@ def corners(mesh, *labels):
     "how", [{}, {"region": REGION}, {"method": "tetrahedra"}, {"simplify": 0.5}, {"remesh_tile": 0.3}]
 )
 def test_the_open_mesh_is_the_closed_one_without_its_wall(leaf, how):
-    open_plan, closed_plan = (MeshPlan(leaf, 0.15, closed=closed, **how) for closed in (False, True))
+    open_plan, closed_plan = (MeshPlan(leaf, 0.2, closed=closed, **how) for closed in (False, True))
     sheets, solid = open_plan.extract(), closed_plan.extract()
     assert corners(sheets, ADAXIAL, ABAXIAL) == corners(solid, ADAXIAL, ABAXIAL)
     assert set(np.unique(sheets.labels)) == {ADAXIAL, ABAXIAL}

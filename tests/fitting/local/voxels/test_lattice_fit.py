@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 import reference
@@ -35,10 +36,9 @@ def positions(shape, spacing=SPACING, origin=ORIGIN, transform=None):
 
 def general_path(field, points, values, **options):
     """The same balls, each of them fitted by itself to all the points in it."""
-    rows = []
-    for centre, radius in zip(field.cover.centers, field.cover.radii, strict=True):
-        # A rounding more, so that voxels on the rim of a turned ball are in it.
-        rows.append(np.flatnonzero(np.linalg.norm(points - centre, axis=1) <= radius * (1 + 1e-12)))
+    # A rounding more, so that voxels on the rim of a turned ball are in it.
+    reach = field.cover.radii * (1 + 1e-12)
+    rows = cKDTree(points).query_ball_point(field.cover.centers, reach, return_sorted=True)
     offsets = np.concatenate([[0], np.cumsum([len(row) for row in rows])])
     cover = Cover(field.cover.centers, field.cover.radii, field.cover.bounds, offsets, np.concatenate(rows))
     kernel = as_kernel(options.get("kernel", "cubic"), points.shape[1])
