@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.scalars import require_positive
+from o3dleaf.core.mesh_arrays import UniqueRows
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import Need, in_words, need_of
 from o3dleaf.core.units import unit_scale
@@ -40,7 +41,7 @@ def least_area(points: FloatArray) -> float:
     spacing = float(np.median(cKDTree(points).query(some, k=2)[0][:, 1])) if len(points) > 1 else 0.0
     if spacing == 0:
         return 0.0
-    cells = np.unique(np.floor((points - points.min(axis=0)) / (CELL * spacing)), axis=0)
+    cells = UniqueRows.of(np.floor((points - points.min(axis=0)) / (CELL * spacing))).rows
     return float(len(cells) * (CELL * spacing) ** 2 / (np.sqrt(3.0) * CLUTTER))
 
 

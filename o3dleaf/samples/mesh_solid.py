@@ -8,7 +8,7 @@ import open3d as o3d
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.mesh_arrays import IntArray, MeshLike, mesh_arrays, ray_scene, triangle_areas
+from o3dleaf.core.mesh_arrays import IntArray, MeshLike, UniqueRows, mesh_arrays, ray_scene, triangle_areas
 from o3dleaf.samples.meshed import draw_on_triangles
 from o3dleaf.samples.solids import Feet, Solid
 from o3dleaf.surface.mesh.topology import EdgeTable
@@ -48,8 +48,8 @@ class MeshSolid(Solid):
             If an edge is not one of two triangles, so that the mesh does not bound a solid.
         """
         vertices, triangles = mesh_arrays(mesh)
-        vertices, place = np.unique(vertices, axis=0, return_inverse=True)
-        triangles = place.reshape(-1)[triangles]
+        vertices, _, place = UniqueRows.of(vertices)
+        triangles = place[triangles]
         distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
         triangles = triangles[distinct]
         odd = int((EdgeTable.of(triangles).count != 2).sum())

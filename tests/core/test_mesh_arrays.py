@@ -5,7 +5,7 @@ import open3d as o3d
 import pytest
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.core.mesh_arrays import UniqueRows, mesh_arrays
 
 VERTICES = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 TRIANGLES = np.array([[0, 1, 2], [0, 3, 1]])
@@ -53,3 +53,15 @@ def test_a_mesh_of_nothing_is_one(mesh):
 def test_what_is_no_mesh_is_refused(vertices, triangles, says):
     with pytest.raises(InputError, match=says):
         mesh_arrays((vertices, triangles))
+
+
+@pytest.mark.parametrize("count", [0, 1, 500])
+@pytest.mark.parametrize("kind", [np.int64, np.float64])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_distinct_rows_are_numpys(count, kind, dimension):
+    rows = np.random.default_rng(count).integers(-3, 4, (count, dimension)).astype(kind) / 2
+    found = UniqueRows.of(rows)
+    rising, first, number = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    assert np.array_equal(found.rows, rising)
+    assert np.array_equal(found.first, first)
+    assert np.array_equal(found.number, number.ravel())

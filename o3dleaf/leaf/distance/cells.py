@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.core.mesh_arrays import BoolArray, UniqueRows
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.distance.boxes import grow_tree
@@ -170,7 +170,7 @@ def _shown_samples(
     alike = np.column_stack(
         [np.where(alone[rows], rows, -1), block[rows], np.packbits(removed[rows, :-1] & held[rows], axis=1)]
     )
-    _, first, view = np.unique(alike, axis=0, return_index=True, return_inverse=True)
+    _, first, view = UniqueRows.of(alike)
     views = rows[first]
     sizes = -(-(firsts[block[views] + 1] - firsts[block[views]]) // 8)
     starts = np.cumsum(sizes) - sizes

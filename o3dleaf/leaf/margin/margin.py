@@ -15,6 +15,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.coordinates import as_points, as_sites
 from o3dleaf.core.checks.scalars import as_number, require_positive
 from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.mesh_arrays import UniqueRows
 from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.blade.outline_area import in_polygon
 from o3dleaf.leaf.margin.edge.edge_excess import tell_excess
@@ -126,7 +127,7 @@ class Margin:
         given = None if fill_holes is None else as_number(fill_holes, "fill_holes")
         least = 0.0 if spacing is None else require_positive(spacing, "spacing")
         found = least_distance(points) if thinned_to is None else as_number(thinned_to, "thinned_to")
-        region = cover_sample(np.unique(points, axis=0), 0.0 if given is None else given, lift)
+        region = cover_sample(UniqueRows.of(points).rows, 0.0 if given is None else given, lift)
         local = Spacing(cKDTree(region.points), np.maximum(region.spacing, least))
         limit = region.widest if given is None else given
         (outer, *inner), sample = fit_rings(region, local, as_number(noise, "noise"), found)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import UniqueRows
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.sample_lines import SampleLines
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
@@ -155,7 +156,7 @@ def _links(triangles: IntArray, chosen: BoolArray) -> list[tuple[int, IntArray]]
     row, corner = np.nonzero(chosen[triangles])
     center = np.repeat(triangles[row, corner], 2)
     other = np.stack([triangles[row, (corner + 1) % 3], triangles[row, (corner + 2) % 3]], axis=1).ravel()
-    pairs = np.unique(np.stack([center, other], axis=1), axis=0)
+    pairs = UniqueRows.of(np.stack([center, other], axis=1)).rows
     points, first = np.unique(pairs[:, 0], return_index=True)
     return list(zip(points.tolist(), np.split(pairs[:, 1], first[1:]), strict=True))
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import UniqueRows
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.gaps.joined_pieces import PIECE, joined_pieces
 from o3dleaf.leaf.margin.gaps.narrow_bays import narrow_bays
@@ -303,7 +304,7 @@ def _cuts(mesh: Triangulation, covered: BoolArray, bays: BoolArray) -> BoolArray
     large = np.bincount(pieces[pieces >= 0], minlength=1) >= PIECE
     beside = np.append(pieces, -1)[mesh.neighbors[rows]]
     row, side = np.nonzero((beside >= 0) & large[beside])
-    pairs = np.unique(np.stack([own[row], beside[row, side]], axis=1), axis=0)
+    pairs = UniqueRows.of(np.stack([own[row], beside[row, side]], axis=1)).rows
     cuts = np.zeros(len(bays), dtype=bool)
     cuts[rows] = (np.bincount(pairs[:, 0], minlength=own.max() + 1) > 1)[own]
     return cuts

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.core.mesh_arrays import BoolArray, UniqueRows
 from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_length
@@ -68,10 +68,10 @@ def tight_bends_on_sheet(
 def tight_bends(surface: ChartSurface, feet: FloatArray, spacing: float) -> FloatArray:
     """Return places (k, 2) around feet (n, 2) of points of a spacing where a surface bends too tightly."""
     step = EVERY * spacing
-    cells = np.unique(np.floor(feet / step).astype(np.int64), axis=0)
+    cells = UniqueRows.of(np.floor(feet / step).astype(np.int64)).rows
     reach = int(np.ceil(AROUND / EVERY))
     shifts = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2), axis=-1).reshape(-1, 2)
-    places = (np.unique((cells[:, np.newaxis] + shifts).reshape(-1, 2), axis=0) + 0.5) * step
+    places = (UniqueRows.of((cells[:, np.newaxis] + shifts).reshape(-1, 2)).rows + 0.5) * step
     places = places[query(cKDTree(feet), places)[0] <= AROUND * spacing]
     return np.asarray(places[_bend(surface, places) * TIGHTEST * spacing > 1.0])
 

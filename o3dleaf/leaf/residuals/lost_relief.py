@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray, UniqueRows
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_share
 from o3dleaf.leaf.residuals.places import Place, find_places, tell_places
@@ -208,7 +208,7 @@ def _squares(plane: FloatArray) -> IntArray:
     extent = np.ptp(plane, axis=0)
     side = max(float(np.sqrt(np.prod(extent) / count)), float(extent.max()) / count)
     cells = np.floor((plane - plane.min(axis=0)) / (side or 1.0)).astype(np.int64)
-    return np.unique(cells, axis=0, return_inverse=True)[1].ravel()
+    return UniqueRows.of(cells).number
 
 
 def _highest(pairs: _Pairs, lags: tuple[float, ...], beyond: float, group: IntArray) -> _Missing:

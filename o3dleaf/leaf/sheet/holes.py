@@ -3,7 +3,7 @@
 import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray, UniqueRows, drop_unused_vertices, triangle_areas
 from o3dleaf.leaf.sheet.hole_loops import triangulate_hole
 from o3dleaf.surface.mesh.topology import EdgeTable, find_holes, label_fans, label_nodes, label_triangles, trace_rings
 
@@ -19,7 +19,7 @@ def fill_small_holes(vertices: FloatArray, triangles: IntArray, perimeter: float
     """
     edges = EdgeTable.of(triangles)
     rings = trace_rings(edges, find_holes(vertices, triangles, edges))
-    place = np.unique(vertices, axis=0, return_inverse=True)[1].ravel()
+    place = UniqueRows.of(vertices).number
     weld, loops = np.arange(len(vertices)), list[list[int]]()
     for ring in range(len(rings)):
         loops += _simple_loops(rings[ring].tolist(), place.tolist(), weld)

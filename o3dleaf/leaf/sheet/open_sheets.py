@@ -9,7 +9,7 @@ from scipy.sparse import coo_array
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray, UniqueRows, drop_unused_vertices, triangle_areas
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.average import average_across, thin
@@ -182,7 +182,7 @@ def _within_gaps(triangles: IntArray, small: BoolArray) -> BoolArray:
     of_large[rows] = label_triangles(triangles[rows])
     touching = np.concatenate([np.column_stack([one, other]), np.column_stack([other, one])])
     touching = touching[(of_large[touching[:, 0]] >= 0) & (of_small[touching[:, 1]] >= 0)]
-    met = np.unique(np.column_stack([of_large[touching[:, 0]], of_small[touching[:, 1]]]), axis=0)
+    met = UniqueRows.of(np.column_stack([of_large[touching[:, 0]], of_small[touching[:, 1]]])).rows
     joins = np.bincount(met[:, 0], minlength=int(of_large.max()) + 1) > 1
     return np.asarray(small | (joins[of_large] & ~small))
 

@@ -5,6 +5,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import UniqueRows
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.margin.sample_lines import SampleLines, sample_lines
 from o3dleaf.leaf.margin.sample_region import DEEP
@@ -37,7 +38,7 @@ def lines_variance(points: FloatArray, polygon: shapely.Polygon) -> float:
     Kendall, D. G. (1948): On the number of lattice points inside a random oval. Q. J. Math. 19, 1-26.
     Matérn, B. (1989): Precision of area estimation: a numerical study. J. Microsc. 153, 269-284.
     """
-    points = np.unique(points, axis=0)
+    points = UniqueRows.of(points).rows
     if not len(points):
         return 0.0
     spacing = np.sqrt(polygon.area / len(points))

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError, ReconstructionError
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import IntArray, UniqueRows
 from o3dleaf.core.places import middle_of, tell_middle, tell_place
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_count, tell_length
@@ -220,10 +220,10 @@ def groups_of(scan: FloatArray, rows: IntArray, link: float) -> tuple[IntArray, 
     if not len(rows):
         return ()
     voxel = np.floor((scan[rows] - scan[rows].min(axis=0)) / (link / 4)).astype(np.int64)
-    _, first, of_voxel = np.unique(voxel, axis=0, return_index=True, return_inverse=True)
+    _, first, of_voxel = UniqueRows.of(voxel)
     pairs = cKDTree(scan[rows[first]]).query_pairs(link, output_type="ndarray")
     ends = np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1])
-    label = label_nodes(*ends, len(first))[of_voxel.ravel()]
+    label = label_nodes(*ends, len(first))[of_voxel]
     order = np.argsort(label, kind="stable")
     parts = np.split(rows[order], np.flatnonzero(np.diff(label[order])) + 1)
     return tuple(sorted(parts, key=lambda part: -len(part)))

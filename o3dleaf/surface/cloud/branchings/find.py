@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
+from o3dleaf.core.mesh_arrays import UniqueRows
 from o3dleaf.core.parallel import blocks
 from o3dleaf.surface.cloud.branchings.arms import ALONG, Arms, count_arms
 from o3dleaf.surface.cloud.branchings.axes import Axes, find_axes
@@ -99,7 +100,7 @@ def _places(
     own *= np.sqrt(len(surfels.group) / len(surfels.points))
     points = surfels.points[some]
     voxel = np.floor((points - points.min(axis=0)) / (APART * np.median(own[flat]))).astype(np.int64)
-    some = some[np.unique(voxel, axis=0, return_index=True)[1]]
+    some = some[UniqueRows.of(voxel).first]
     around = surfels.rows[surfels.rows[some]].reshape(len(some), -1)
     # The median of those that are flat; NumPy's own of such rows takes ten times as long.
     ranked, many = np.sort(np.where(flat[around], own[around], np.inf), axis=1), flat[around].sum(axis=1)
