@@ -154,34 +154,25 @@ def _overlap(a, b):
 def cross_within(vertices, triangles, view, tree, start, stop, crosses):
     """Mark the triangles of leaves start:stop that meet others of the same or a later leaf of their tree, and those."""
     rows, boxes, nodes, depth = tree
-    many, waiting = len(rows), np.empty(MAX_DEPTH, np.int64)
+    many, waiting, levels = len(rows), np.empty(MAX_DEPTH, np.int64), np.empty(MAX_DEPTH, np.int64)
     for leaf in range(start, stop):
         box = nodes[(1 << depth) + leaf]
-        waiting[0], level, top = 1, 0, 1
+        waiting[0], levels[0], top = 1, 0, 1
         while top > 0:
             top -= 1
-            node = waiting[top]
-            level = _level_of(node)
+            node, level = waiting[top], levels[top]
             last = ((node - (1 << level) + 1) << (depth - level)) - 1
             if last < leaf or not _overlap(box, nodes[node]):
                 continue
             if level < depth:
                 waiting[top], waiting[top + 1] = 2 * node, 2 * node + 1
+                levels[top] = levels[top + 1] = level + 1
                 top += 2
                 continue
             for n in range(leaf * many >> depth, (leaf + 1) * many >> depth):
                 for m in range(max(n + 1, last * many >> depth), (last + 1) * many >> depth):
                     if _overlap(boxes[n], boxes[m]):
                         _mark(vertices, triangles, view, rows[n], rows[m], crosses)
-
-
-@njit(nogil=True, cache=True)
-def _level_of(node):
-    """Return the level of a node of the tree: how often it can be halved."""
-    level = 0
-    while node > 1:
-        node, level = node >> 1, level + 1
-    return level
 
 
 @njit(nogil=True, cache=True)
@@ -220,12 +211,11 @@ def cross_between(vertices, triangles, view, origin, slack, asking, start, stop,
             node = waiting[top]
             if not _overlap(box, nodes[node]) or _misses(corners, nodes[node], slack):
                 continue
-            level = _level_of(node)
-            if level < depth:
+            leaf = node - (1 << depth)
+            if leaf < 0:
                 waiting[top], waiting[top + 1] = 2 * node, 2 * node + 1
                 top += 2
                 continue
-            leaf = node - (1 << depth)
             for m in range(leaf * many >> depth, (leaf + 1) * many >> depth):
                 if _overlap(box, boxes[m]):
                     _mark(vertices, triangles, view, t, rows[m], crosses)
