@@ -127,7 +127,7 @@ def fit_balls(start, stop, data, balls, tail, power, smoothing, groups, share, f
         diagonal = smoothing[ball] / radius**power / counts
         exponents, noise = tail.exponents[: tail.terms[ball]], shared_noise(named, share)
         solved = solve_shared(local, values, exponents, power, diagonal, noise)
-        solved[1][0] += smoothing_bias(solved[0], diagonal, counts, named == rows, noise)
+        solved[1][0] += smoothing_bias(solved[0], diagonal, values, counts, named == rows, noise)
         write_ball(ball, first, local, solved, fitted)
 
 
@@ -154,7 +154,8 @@ def fit_choosing_balls(start, stop, data, balls, tail, power, groups, trials, ch
         solved, best = solve_chosen(
             local, values, np.sqrt(counts), exponents, power, named, noise, scaled, trials.inverses, trials.usual
         )
-        solved[1][0] += smoothing_bias(solved[0], scaled[best] / counts, counts, groups[rows] == rows, noise)
+        diagonal = scaled[best] / counts
+        solved[1][0] += smoothing_bias(solved[0], diagonal, values, counts, groups[rows] == rows, noise)
         write_ball(ball, first, local, solved, fitted)
         chosen[ball] = trials.values[best]
 

@@ -112,7 +112,7 @@ def inverse(noise):
 
 
 @njit(nogil=True, cache=True)
-def smoothing_bias(weights, diagonal, counts, measured, noise):
+def smoothing_bias(weights, diagonal, values, counts, measured, noise):
     """Return what a fit lacks at measured rows on average, less what is chance; 0 without a share.
 
     Smoothing takes off what bends: between two sheets of a thin part the field is a ridge, and the rounded one is too
@@ -120,12 +120,17 @@ def smoothing_bias(weights, diagonal, counts, measured, noise):
     The mean m of these is multiplied with max(0, 1 − v/m²), v its variance, as James and Stein do. A mean of points
     counts as often as they do: those beyond a surface that bends are more than those within, and stand for fewer.
 
+    The points lie on both sides of the surface, by σ. Of a field that bends along its normal the mean over them is not
+    0 where it is 0 on the surface, but ½ σ² F'': with σ² = v/F'², see `bend`, that is what remains.
+
     Parameters
     ----------
     weights : (n,)
         λ of the fit.
     diagonal : (n,)
         What smoothing has added to each row's diagonal, D.
+    values : (n,)
+        Signed distances, 0 at measured rows.
     counts : (n,)
         The weights of the rows: how many points each stands for.
     measured : (n,) bool
@@ -139,15 +144,49 @@ def smoothing_bias(weights, diagonal, counts, measured, noise):
     whiten(inverted, residuals)
     rows, weight, total, squares = 0, 0.0, 0.0, 0.0
     for j in range(residuals.size):
+        residuals[j] *= roots[j]
         if measured[j]:
-            residual, count = roots[j] * residuals[j], counts[j]
+            residual, count = residuals[j], counts[j]
             rows, weight = rows + 1, weight + count
             total, squares = total + count * residual, squares + count * residual * residual
     if rows < 2 or total == 0.0:
         return 0.0
     mean = total / weight
     variance = (squares - total * mean) / (rows - 1)
-    return max(0.0, 1.0 - variance / (total * mean)) * mean
+    lacking = max(0.0, 1.0 - variance / (total * mean)) * mean
+    return lacking + 0.5 * variance * rows / weight * bend(values, residuals, counts, measured, noise)
+
+
+@njit(nogil=True, cache=True)
+def bend(values, residuals, counts, measured, noise):
+    """Return F''/F'² of a field F along the normals of measured points, from what it lacks of the values; 0 if unknown.
+
+    A point has rows before and behind it, by d, where v = ∓d, so that F = v − r has the slope 1 − Δr/2d and the second
+    difference of −r. Where d is shorter on one side another sheet is near, and what noise reaches is no parabola. One
+    number moves the field all over the ball: it is multiplied with the share of points with equal rows less that of
+    the others.
+    """
+    order, first = noise.order, 0
+    weight, even, slopes, bends = 0.0, 0.0, 0.0, 0.0
+    for k in range(noise.ends.size):
+        point, inner, outer = -1, order[first], order[first]
+        for i in range(first, noise.ends[k]):
+            row = order[i]
+            point = row if measured[row] else point
+            inner = row if values[row] > values[inner] else inner
+            outer = row if values[row] < values[outer] else outer
+        first = noise.ends[k]
+        if point < 0 or point in (inner, outer):
+            continue
+        count, distance = counts[point], values[inner] - values[point]
+        weight += count
+        if values[point] - values[outer] == distance:
+            even += count
+            slopes += count * (1.0 - (residuals[inner] - residuals[outer]) / (2.0 * distance))
+            bends += count * (2.0 * residuals[point] - residuals[inner] - residuals[outer]) / distance**2
+    if 2.0 * even <= weight:
+        return 0.0
+    return bends / even / max(slopes / even, MIN_SLOPE) ** 2 * (2.0 * even / weight - 1.0)
 
 
 @njit(nogil=True, cache=True)
