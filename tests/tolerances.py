@@ -1148,6 +1148,9 @@ EDGE_RMS_NOISY = 0.33
 """The same with noise of half a spacing, which is to be found, too: found 0.30, 0.27 were it known; with the least
 bandwidth alone 0.37."""
 
+FOLDS_LEFT = 0.02
+"""Share of the places where a surface is folded that are left, a tenth of a spacing apart: found 0."""
+
 TEETH_AREA = 0.058
 """Of a leaf with teeth, relative: found 0.035 to 0.051 of eight samples; with no bandwidth below 1.5 spacings 0.064."""
 

@@ -27,7 +27,7 @@ from o3dleaf.leaf.parametric.mirror.images import mirror_points
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface, relax_chart
 from o3dleaf.leaf.parametric.thickness import ThicknessMap, as_factors
-from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
+from o3dleaf.leaf.parametric.tight_bends import past_tight_bends, without_folds
 from o3dleaf.leaf.residuals.noise import local_noise
 from o3dleaf.leaf.sheet.holes import split_bow_ties
 from o3dleaf.leaf.sheet.layers.two_sides import find_both_sides
@@ -108,6 +108,7 @@ def build_parametric_blade(
             seen = fit
             fit, mirrored = _complete(seen, halves, options.complete_margin)
             margin = margin if fit is seen else _margin(fit, sheet.spacing, options.fill_holes, unit)
+        margin, folded = without_folds(fit, margin)
         margin, ends = end_before_contacts(fit.surface, margin, fit.problem.spacing)
     notes = (
         *apart,
@@ -119,6 +120,7 @@ def build_parametric_blade(
         *fit.notes,
         *margin.notes,
         *mirrored,
+        *folded,
         *ends,
     )
     for note in notes:

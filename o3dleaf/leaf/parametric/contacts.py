@@ -8,7 +8,7 @@ import shapely
 from scipy.sparse.csgraph import connected_components
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.places import tell_place
 from o3dleaf.core.units import tell_length
 from o3dleaf.leaf.margin.margin import Margin, cut_margin
@@ -65,17 +65,28 @@ def end_before_contacts(surface: ChartSurface, margin: Margin, spacing: float) -
 
 def _crossing_ends(surface: ChartSurface, polygon: shapely.Polygon, spacing: float) -> list[End]:
     """Return all ends within a polygon that may be cut off, those of both parts where two cross."""
-    least = float(np.sqrt(4 / np.sqrt(3) * polygon.area / MAX_TRIANGLES))
-    plane, triangles = triangulate(polygon, max(STEP * spacing, least))
-    space = surface.jet(plane, 0)[0]
+    plane, space, triangles, crosses = triangulated(surface, polygon, spacing)
     ends = []
-    for crossing in _connected(triangles[find_crossings(space, triangles)], len(plane)):
+    for crossing in _connected(triangles[crosses], len(plane)):
         beside = shapely.union_all(shapely.polygons(plane[crossing])).buffer(CLEARANCE * spacing)
         left = largest(polygon.difference(beside))
         area = polygon.area - left.area
         if area <= MAX_CUT * spacing**2 and len(left.interiors) <= len(polygon.interiors):
             ends.append(End(left, area, space[crossing].mean(axis=(0, 1))))
     return ends
+
+
+def triangulated(
+    surface: ChartSurface, polygon: shapely.Polygon, spacing: float
+) -> tuple[FloatArray, FloatArray, IntArray, BoolArray]:
+    """Return a mesh of a surface within a polygon, of half the spacing: its vertices in the chart (n, 2) and in space.
+
+    And its triangles (m, 3), and which of them cross others.
+    """
+    least = float(np.sqrt(4 / np.sqrt(3) * polygon.area / MAX_TRIANGLES))
+    plane, triangles = triangulate(polygon, max(STEP * spacing, least))
+    space = surface.jet(plane, 0)[0]
+    return plane, space, triangles, find_crossings(space, triangles)
 
 
 def _connected(triangles: IntArray, count: int) -> list[IntArray]:

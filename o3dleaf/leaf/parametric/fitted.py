@@ -5,6 +5,7 @@ from typing import Literal, TypeAlias, cast
 
 import igl
 import numpy as np
+import shapely
 
 from o3dleaf.core.arguments.kinds import SmoothingValue
 from o3dleaf.core.checks.arrays import FloatArray
@@ -15,6 +16,7 @@ from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.leaf.chart.carry import carry_chart
+from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet, rim_first
 from o3dleaf.leaf.macro.robust import HUBER, widest_bandwidth
 from o3dleaf.leaf.parametric.local_smoothing import LocalChoice, choose_by_place
 from o3dleaf.leaf.parametric.surface import ChartSurface
@@ -59,6 +61,16 @@ class ChartMesh:
     def width(self) -> float:
         """Mean width: the area over the longer extent of the chart."""
         return self.area / float(np.ptp(self.chart, axis=0).max())
+
+    def polygon(self, pinch: float) -> shapely.Polygon:
+        """Return what it covers of its chart, the largest part where that is tangled.
+
+        It is opened by `pinch`: where the outline is tangled, it may meet itself in single points.
+        """
+        rings = rim_first(require_sheet(self.vertices, self.triangles))
+        outline, *holes = (shapely.make_valid(shapely.Polygon(self.chart[ring])) for ring in rings)
+        area = outline.difference(shapely.union_all(holes)).buffer(-pinch).buffer(pinch)
+        return max(shapely.get_parts(area), key=shapely.area)
 
     def parameters(self, points: FloatArray) -> FloatArray:
         """Return (u, v) of (n, 3) points near the sheet, which goes on past its rim: `carry_chart`."""

@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
-import shapely
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.trees import query
 from o3dleaf.core.units import tell_share
 from o3dleaf.leaf.chart.carry import carry_chart
@@ -25,9 +24,10 @@ from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.untangle import untangle
 from o3dleaf.leaf.margin.margin import Margin, carry_margin
 from o3dleaf.leaf.margin.sheet_mesh import triangulate
+from o3dleaf.leaf.parametric.contacts import triangulated
 from o3dleaf.leaf.parametric.fitted import COLLAR, ChartMesh, RobustSmoothing, SurfaceFit, SurfaceProblem
 from o3dleaf.leaf.parametric.surface import ChartSurface
-from o3dleaf.leaf.parametric.tight_bends import Bends, tight_bends_on_sheet
+from o3dleaf.leaf.parametric.tight_bends import FOLDED, Bends, tight_bends_on_sheet
 from o3dleaf.surface.cloud.downsample import thin
 from o3dleaf.surface.cloud.surfels import thinned
 
@@ -42,9 +42,6 @@ MAX_DOUBLE = 1.0
 """Triangles' worth of area that may lie double in a chart: corners of single ones at a rough margin do."""
 MAX_POINTS = 20_000
 """Points that the surface is fitted to; of more, means in voxels: see `leaf.paper_pipeline`."""
-FOLDED = 1 / np.pi
-"""Radius of a bend in spacings below which the surface turns back on itself from one point to the next: what no scan
-shows. A crease is a bend less tight than that, and stays."""
 STIFFER = 4.0
 """Factor of the smoothing from one fit to the next where the surface is folded: the bandwidth's is its fifth root."""
 MAX_RAISES = 8
@@ -52,6 +49,8 @@ MAX_RAISES = 8
 MAX_RAISED = 3
 """How often it is raised at one place at most: the bandwidth is then 2.3 times as wide. Where a fold stays, what lies
 around it must give way: more at that place alone stretches the chart there until holes open between the points."""
+FAR = 3.0
+"""Noise deviations from a surface beyond which a point is far off it, and a spacing at least."""
 WIDER = 2**0.5
 """Factor of the distance around folds up to which it is raised, from one fit to the next: a ball's radius at first, at
 last eleven."""
@@ -191,6 +190,22 @@ class _Settled:
         """Where on the sheet the surface turns back on itself within a spacing."""
         return tight_bends_on_sheet(self.surface, self.mesh, self.near, self.problem.spacing, FOLDED)
 
+    @cached_property
+    def lost(self) -> BoolArray:
+        """Which sites (n,) are far from the surface: it has let go of them."""
+        heights = self.surface.feet(self.problem.sites, self.near)[1]
+        noise = 0.0 if self.problem.choice is None else self.problem.choice.noise
+        return np.asarray(np.abs(heights) > max(FAR * noise, self.problem.spacing))
+
+    @cached_property
+    def cost(self) -> tuple[int, int]:
+        """How many triangles of the surface on its sheet cross, and how many sites are lost or beside a fold."""
+        spacing, beside = self.problem.spacing, self.lost
+        if len(self.folds.places):
+            beside = beside | (query(cKDTree(self.folds.places), self.near)[0] <= spacing)
+        crosses = triangulated(self.surface, self.mesh.polygon(PINCH * spacing), spacing)[3]
+        return int(crosses.sum()), int(beside.sum())
+
     def nearness(self, places: FloatArray, plane: FloatArray, reach: float) -> FloatArray:
         """Return how near the sites (n,) are to places (k, 2) of the chart: 1 there, 0 from a reach on (Wendland 1995).
 
@@ -217,9 +232,10 @@ def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -
     """Return the surface with as little more smoothing as leaves no fold between points of the scan, and a note.
 
     It is raised around the folds, and again and farther around those that stay: all over it would take the leaf's waves
-    with it. Each fit begins at the first sheet, not at a folded one. A smoothing that was asked for by its number is
-    kept. If folds stay, it is the surface of the least tight ones. Of what is stretched for the most part none is
-    tried: see `MAX_STRETCHED`.
+    with it, and parts of a crumpled leaf that lie off the rest. So it is the surface that crosses itself least, and of
+    those the one with the fewest points beside folds or far off it: see `_Settled.cost`. Each fit begins at the first
+    sheet, not at a folded one. A smoothing that was asked for by its number is kept. Of what is stretched for the most
+    part none is tried: see `MAX_STRETCHED`.
     """
     first = best = settled = _settle(problem, mesh, near)
     if not len(first.folds.radii) or problem.choice is None:
@@ -232,9 +248,9 @@ def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -
         around = settled.nearness(settled.folds.places, near, ball * WIDER**raises)
         raised = np.minimum(raised + around, MAX_RAISED)
         settled = _settle(problem.stiffened(STIFFER**raised), mesh, near)
-        if settled.folds.tightest > best.folds.tightest:
-            best = settled
-        if not len(settled.folds.radii):
+        best = min(best, settled, key=lambda each: each.cost)
+        crossing, most = best.cost
+        if not len(settled.folds.radii) or (not crossing and settled.lost.sum() >= most):
             break
     return best, (_said(first, best, left=bool(len(best.folds.radii))),)
 
@@ -291,12 +307,7 @@ def _without_tangles(mesh: ChartMesh, base: ChartSurface, spacing: float) -> Cha
     chart = untangle(mesh.chart, mesh.triangles)
     if chart is not None:
         return replace(mesh, chart=chart)
-    rings = rim_first(require_sheet(mesh.vertices, mesh.triangles))
-    outline, *holes = (shapely.make_valid(shapely.Polygon(mesh.chart[ring])) for ring in rings)
-    # Opened by a fraction of a spacing: where the outline is tangled, it may meet itself in single points.
-    area = outline.difference(shapely.union_all(holes)).buffer(-PINCH * spacing).buffer(PINCH * spacing)
-    whole = max(shapely.get_parts(area), key=shapely.area)
-    plane, triangles = triangulate(whole, COARSER * spacing)
+    plane, triangles = triangulate(mesh.polygon(PINCH * spacing), COARSER * spacing)
     return ChartMesh(base.jet(plane, 0)[0], triangles, plane)
 
 

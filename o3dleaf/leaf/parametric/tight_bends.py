@@ -1,20 +1,33 @@
-"""Bends tighter than a scan can show: as a rule where a surface goes on past its sheet, around the edge of a fold."""
+"""Bends tighter than a scan can show: where a surface goes on past its sheet, or layers of the scan are too close."""
 
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, UniqueRows
-from o3dleaf.core.places import tell_place
+from o3dleaf.core.places import tell_middle, tell_place
 from o3dleaf.core.trees import query
-from o3dleaf.core.units import tell_length
+from o3dleaf.core.units import tell_count, tell_length, tell_share
+from o3dleaf.leaf.blade.outline_area import in_polygon
+from o3dleaf.leaf.margin.margin import Margin, cut_margin
+from o3dleaf.leaf.margin.margin_curve import largest
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.surface import ChartSurface
 
 TIGHTEST = 1.0
 """Radius of a bend in spacings at least: from one point to the next the surface then turns by a radian."""
+FOLDED = 1 / np.pi
+"""Radius of a bend in spacings below which the surface turns back on itself from one point to the next: what no scan
+shows. A crease is a bend less tight than that, and stays."""
+BESIDE_FOLDS = 1.0
+"""Spacings around a fold that are left out of a blade: its two sides and their bend."""
+FOLD_LENGTH = 0.5
+"""Spacings that a fold is long at least."""
+FINELY, MAX_PLACES = 0.25, 1_000_000
+"""Distance in spacings of the places where folds are looked for, and about how many there are at most."""
 EVERY, AROUND = 0.5, 0.5
 """Distance in spacings of the places where bends are looked for, and from the points: the blade ends half a spacing
 beyond them."""
@@ -33,6 +46,31 @@ def past_tight_bends(fit: SurfaceFit, spacing: float) -> BoolArray:
         return np.zeros(len(fit.feet), bool)
     beside = query(cKDTree(places), fit.feet)[0] <= AROUND * spacing
     return np.asarray(beside & (fit.mesh.distances(fit.feet) > PAST * spacing))
+
+
+def without_folds(fit: SurfaceFit, margin: Margin) -> tuple[Margin, tuple[str, ...]]:
+    """Return the margin without places where the surface is folded between points of the scan, and a line on them.
+
+    No leaf shows there, and relief that stands on a fold passes through itself.
+    """
+    spacing = fit.problem.spacing
+    low, high = margin.bounds
+    step = max(FINELY * spacing, float(np.sqrt(np.prod(high - low) / MAX_PLACES)))
+    along = [np.arange(first, last, step) for first, last in zip(low, high, strict=True)]
+    places = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 2)
+    places = places[in_polygon(margin.polygon, places)]
+    folds = places[_bend(fit.surface, places) * FOLDED * spacing > 1]
+    beside = shapely.get_parts(shapely.union_all(shapely.points(folds)).buffer(BESIDE_FOLDS * spacing))
+    # Around what is as long, and does not bend in a single place, as a dent does.
+    beside = beside[shapely.area(beside) >= (np.pi * BESIDE_FOLDS + 2 * FOLD_LENGTH) * BESIDE_FOLDS * spacing**2]
+    if not len(beside):
+        return margin, ()
+    left = largest(margin.polygon.difference(shapely.union_all(beside)))
+    cut, number = margin.area - left.area, len(beside)
+    at = tell_middle(fit.surface.jet(folds, 0)[0], fit.points)
+    size = f"{tell_length(cut, 2)}, {tell_share(cut / margin.area)} of the blade, in {tell_count(number, 'place')}"
+    said = f"left out: {size}, most about {at}: the surface is folded there between points of the scan"
+    return cut_margin(margin, left), (said,)
 
 
 class Bends(NamedTuple):

@@ -1,5 +1,6 @@
 """A surface fitted to a scan lies on its points, follows the majority of its passes, and moves with it."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,16 +11,18 @@ from scipy.spatial.transform import Rotation
 import tolerances as tol
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.rbf.kernels import as_kernel
+from o3dleaf.leaf.blade.outline_area import in_polygon
 from o3dleaf.leaf.chart.flatten import lay_flat
 from o3dleaf.leaf.chart.flattening.one_layer import lies_over_itself
 from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 from o3dleaf.leaf.chart.flattening.untangle import untangle
-from o3dleaf.leaf.parametric import fitted, surface_fit
+from o3dleaf.leaf.margin.margin import Margin
+from o3dleaf.leaf.parametric import fitted, surface_fit, tight_bends
 from o3dleaf.leaf.parametric.fitted import ChartMesh
 from o3dleaf.leaf.parametric.local_smoothing import choose_by_place
 from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface
-from o3dleaf.leaf.parametric.tight_bends import tight_bends_on_sheet
+from o3dleaf.leaf.parametric.tight_bends import FOLDED, tight_bends_on_sheet, without_folds
 from tests.sheet_shapes import spiral
 
 RADIUS, LENGTH, HALF_WIDTH = 6.0, 16.0, 5.0
@@ -275,7 +278,7 @@ def test_smoothing_is_raised_only_around_a_fold(scan, monkeypatch):
     points, rough = rough_scan(scan, monkeypatch)
     fit = fit_chart_surface(points, strip())
     spacing = fit.problem.spacing
-    assert not len(tight_bends_on_sheet(fit.surface, fit.mesh, fit.near, spacing, surface_fit.FOLDED).radii)
+    assert not len(tight_bends_on_sheet(fit.surface, fit.mesh, fit.near, spacing, FOLDED).radii)
     assert fit.notes
     assert "left" not in fit.notes[0]
     beyond = scan[0][:, 0] > 5 + 2 * np.median(fit.surface.cover.radii)
@@ -287,6 +290,48 @@ def test_smoothing_is_raised_only_around_a_fold(scan, monkeypatch):
     assert "left" in folded.notes[0]
     moved = np.abs(fit.heights - folded.heights)[beyond]
     assert moved.max() < tol.ELSEWHERE_THAN_A_FOLD * spacing
+
+
+def test_no_blade_is_where_its_surface_is_folded_and_all_of_it_where_it_is_not(scan, fit, monkeypatch):
+    """Relief on a fold would pass through itself. What is cut away is told."""
+    whole = Margin.fit(fit.feet)
+    assert without_folds(fit, whole) == (whole, ())
+    points, rough = rough_scan(scan, monkeypatch)
+    monkeypatch.setattr(surface_fit, "MAX_RAISES", 0)
+    folded = fit_chart_surface(points, strip())
+    spacing, whole = folded.problem.spacing, Margin.fit(folded.feet)
+    without_dents = without_folds(folded, whole)[0]
+    monkeypatch.setattr(tight_bends, "FOLD_LENGTH", 0.0)
+    left, (said,) = without_folds(folded, whole)
+    assert left.area < without_dents.area < whole.area
+    axes = [np.arange(*ends, spacing / 10) for ends in whole.bounds.T]
+    places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    folds = places[np.abs(folded.surface.curvatures(places)).max(axis=1) * FOLDED * spacing > 1]
+    before, after = (in_polygon(each.polygon, folds).sum() for each in (whole, left))
+    assert before > 30
+    assert after < tol.FOLDS_LEFT * before
+    assert whole.polygon.contains(left.polygon)
+    kept = folded.feet[~rough & in_polygon(whole.polygon, folded.feet)]
+    assert in_polygon(left.polygon, kept).mean() > 0.99
+    cut = float(re.search(r"left out: ([\d.]+),", said)[1])
+    assert cut == pytest.approx(whole.area - left.area, rel=tol.THREE_DIGITS)
+
+
+def test_the_surface_that_is_kept_has_the_fewest_points_beside_folds_or_far_from_it(scan, monkeypatch):
+    """More smoothing leaves no fold, and lets go of points: of the fits that were tried none has fewer of both."""
+    points, _ = rough_scan(scan, monkeypatch)
+    settled, costs = surface_fit._settle, []
+
+    def noted(*arguments):
+        found = settled(*arguments)
+        costs.append(found.cost)
+        return found
+
+    monkeypatch.setattr(surface_fit, "_settle", noted)
+    fit = fit_chart_surface(points, strip())
+    assert len(costs) > 1
+    again = surface_fit._Settled(fit.problem, fit.surface, fit.mesh, fit.near)
+    assert again.cost == min(costs)
 
 
 @pytest.mark.slow
