@@ -198,13 +198,13 @@ class _Settled:
         return np.asarray(np.abs(heights) > max(FAR * noise, self.problem.spacing))
 
     @cached_property
-    def cost(self) -> tuple[int, int]:
-        """How many triangles of the surface on its sheet cross, and how many sites are lost or beside a fold."""
-        spacing, beside = self.problem.spacing, self.lost
-        if len(self.folds.places):
-            beside = beside | (query(cKDTree(self.folds.places), self.near)[0] <= spacing)
-        crosses = triangulated(self.surface, self.mesh.polygon(PINCH * spacing), spacing)[3]
-        return int(crosses.sum()), int(beside.sum())
+    def cost(self) -> int:
+        """How many sites are lost, or within a spacing of a fold or of a crossing of the surface on its sheet."""
+        spacing = self.problem.spacing
+        plane, _, triangles, crosses = triangulated(self.surface, self.mesh.polygon(PINCH * spacing), spacing)
+        bad = np.concatenate([self.folds.places, plane[triangles[crosses]].mean(axis=1)])
+        beside = query(cKDTree(bad), self.near)[0] <= spacing if len(bad) else np.zeros(len(self.near), dtype=bool)
+        return int((self.lost | beside).sum())
 
     def nearness(self, places: FloatArray, plane: FloatArray, reach: float) -> FloatArray:
         """Return how near the sites (n,) are to places (k, 2) of the chart: 1 there, 0 from a reach on (Wendland 1995).
@@ -232,10 +232,10 @@ def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -
     """Return the surface with as little more smoothing as leaves no fold between points of the scan, and a note.
 
     It is raised around the folds, and again and farther around those that stay: all over it would take the leaf's waves
-    with it, and parts of a crumpled leaf that lie off the rest. So it is the surface that crosses itself least, and of
-    those the one with the fewest points beside folds or far off it: see `_Settled.cost`. Each fit begins at the first
-    sheet, not at a folded one. A smoothing that was asked for by its number is kept. Of what is stretched for the most
-    part none is tried: see `MAX_STRETCHED`.
+    with it, and parts of a crumpled leaf that lie off the rest. So it is the surface with the fewest points that lie
+    far off it or beside folds and crossings: see `_Settled.cost`. Each fit begins at the first sheet, not at a folded
+    one. A smoothing that was asked for by its number is kept. Of what is stretched for the most part none is tried: see
+    `MAX_STRETCHED`.
     """
     first = best = settled = _settle(problem, mesh, near)
     if not len(first.folds.radii) or problem.choice is None:
@@ -249,8 +249,7 @@ def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -
         raised = np.minimum(raised + around, MAX_RAISED)
         settled = _settle(problem.stiffened(STIFFER**raised), mesh, near)
         best = min(best, settled, key=lambda each: each.cost)
-        crossing, most = best.cost
-        if not len(settled.folds.radii) or (not crossing and settled.lost.sum() >= most):
+        if not len(settled.folds.radii) or settled.lost.sum() >= best.cost:
             break
     return best, (_said(first, best, left=bool(len(best.folds.radii))),)
 

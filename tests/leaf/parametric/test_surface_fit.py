@@ -18,7 +18,7 @@ from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 from o3dleaf.leaf.chart.flattening.untangle import untangle
 from o3dleaf.leaf.margin.margin import Margin
-from o3dleaf.leaf.parametric import fitted, surface_fit, tight_bends
+from o3dleaf.leaf.parametric import fitted, surface_fit
 from o3dleaf.leaf.parametric.fitted import ChartMesh
 from o3dleaf.leaf.parametric.local_smoothing import choose_by_place
 from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface
@@ -256,14 +256,14 @@ def test_a_sheet_whose_chart_is_tangled_beyond_repair_is_triangulated_anew(scan,
     assert np.sqrt(np.mean(off_cylinder(fit) ** 2)) < NOISE
 
 
-def rough_scan(scan, monkeypatch):
+def rough_scan(scan, monkeypatch, noise=0.1):
     """Return the points of a scan that is rough near one end, and where (n,): smoothing is chosen far too little there.
 
     All folds lie in it.
     """
     plane, points = scan
     rough = np.hypot(plane[:, 0] - 3, plane[:, 1]) < 2
-    points = points + np.where(rough[:, np.newaxis], np.random.default_rng(7).normal(0, 0.1, points.shape), 0)
+    points = points + np.where(rough[:, np.newaxis], np.random.default_rng(7).normal(0, noise, points.shape), 0)
 
     def too_little_there(*arguments):
         choice = choose_by_place(*arguments)
@@ -296,14 +296,11 @@ def test_no_blade_is_where_its_surface_is_folded_and_all_of_it_where_it_is_not(s
     """Relief on a fold would pass through itself. What is cut away is told."""
     whole = Margin.fit(fit.feet)
     assert without_folds(fit, whole) == (whole, ())
-    points, rough = rough_scan(scan, monkeypatch)
+    points, rough = rough_scan(scan, monkeypatch, 0.2)
     monkeypatch.setattr(surface_fit, "MAX_RAISES", 0)
     folded = fit_chart_surface(points, strip())
     spacing, whole = folded.problem.spacing, Margin.fit(folded.feet)
-    without_dents = without_folds(folded, whole)[0]
-    monkeypatch.setattr(tight_bends, "FOLD_LENGTH", 0.0)
     left, (said,) = without_folds(folded, whole)
-    assert left.area < without_dents.area < whole.area
     axes = [np.arange(*ends, spacing / 10) for ends in whole.bounds.T]
     places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     folds = places[np.abs(folded.surface.curvatures(places)).max(axis=1) * FOLDED * spacing > 1]
