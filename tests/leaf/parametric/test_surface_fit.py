@@ -339,8 +339,11 @@ def test_around_a_fold_that_stays_smoothing_is_raised_farther_and_not_for_ever(s
     monkeypatch.setattr(surface_fit, "_settle", lambda problem, *rest: tried.append(problem) or settled(problem, *rest))
     fit_chart_surface(points, strip())
     assert len(tried) == 1 + surface_fit.MAX_RAISES
-    raised = -np.log(tried[-1].choice.factors / np.where(rough, 1000.0, 1.0)) / np.log(little)
-    assert raised[rough].max() == pytest.approx(surface_fit.MAX_RAISED)
-    beside, far = (raised[np.abs(scan[0][:, 0] - at) < 1].mean() for at in (7, LENGTH - 1))
-    assert beside > 0.5
-    assert far < beside / 10
+    factors = np.array([problem.choice.factors for problem in tried])
+    raised = -np.log(factors / np.where(rough, 1000.0, 1.0)) / np.log(little)
+    assert raised.max() == pytest.approx(surface_fit.MAX_RAISED)
+    assert (np.diff(raised, axis=0) > -1e-9).all()
+    beside, far = (raised[:, np.abs(scan[0][:, 0] - at) < 1].mean(axis=1) for at in (7, LENGTH - 1))
+    assert (far[1:] < beside[1:]).all()
+    soon = np.argmax(beside > 0.5)
+    assert far[soon] < beside[soon] / 10
