@@ -108,7 +108,8 @@ def build_parametric_blade(
             seen = fit
             fit, mirrored = _complete(seen, halves, options.complete_margin)
             margin = margin if fit is seen else _margin(fit, sheet.spacing, options.fill_holes, unit)
-        margin, folded = without_folds(fit, margin)
+        # A smoothing that was asked for has the folds that it has.
+        margin, folded = without_folds(fit, margin) if options.smoothing == "robust" else (margin, ())
         margin, ends = end_before_contacts(fit.surface, margin, fit.problem.spacing)
     notes = (
         *apart,

@@ -49,8 +49,8 @@ MAX_RAISES = 8
 MAX_RAISED = 3
 """How often it is raised at one place at most: the bandwidth is then 2.3 times as wide. Where a fold stays, what lies
 around it must give way: more at that place alone stretches the chart there until holes open between the points."""
-FAR = 3.0
-"""Noise deviations from a surface beyond which a point is far off it, and a spacing at least."""
+LOST = 3.0
+"""Noise deviations from a surface, and a spacing at least, beyond which it has let go of a point."""
 WIDER = 2**0.5
 """Factor of the distance around folds up to which it is raised, from one fit to the next: a ball's radius at first, at
 last eleven."""
@@ -192,10 +192,10 @@ class _Settled:
 
     @cached_property
     def lost(self) -> BoolArray:
-        """Which sites (n,) are far from the surface: it has let go of them."""
+        """Which sites (n,) the surface has let go of."""
         heights = self.surface.feet(self.problem.sites, self.near)[1]
         noise = 0.0 if self.problem.choice is None else self.problem.choice.noise
-        return np.asarray(np.abs(heights) > max(FAR * noise, self.problem.spacing))
+        return np.asarray(np.abs(heights) > max(LOST * noise, self.problem.spacing))
 
     @cached_property
     def cost(self) -> int:

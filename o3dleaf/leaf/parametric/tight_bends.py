@@ -26,6 +26,8 @@ BESIDE_FOLDS = 1.0
 """Spacings around a fold that are left out of a blade: its two sides and their bend."""
 FOLD_LENGTH = 0.5
 """Spacings that a fold is long at least."""
+LEAST_LEFT = 0.5
+"""Share of a blade that its folds leave at least: with less of it nothing is left out, as of a few noisy points."""
 FINELY, MAX_PLACES = 0.25, 1_000_000
 """Distance in spacings of the places where folds are looked for, and about how many there are at most."""
 EVERY, AROUND = 0.5, 0.5
@@ -63,12 +65,12 @@ def without_folds(fit: SurfaceFit, margin: Margin) -> tuple[Margin, tuple[str, .
     beside = shapely.get_parts(shapely.union_all(shapely.points(folds)).buffer(BESIDE_FOLDS * spacing))
     # Around what is as long, and does not bend in a single place, as a dent does.
     beside = beside[shapely.area(beside) >= (np.pi * BESIDE_FOLDS + 2 * FOLD_LENGTH) * BESIDE_FOLDS * spacing**2]
-    if not len(beside):
-        return margin, ()
     left = largest(margin.polygon.difference(shapely.union_all(beside)))
-    cut, number = margin.area - left.area, len(beside)
-    at = tell_middle(fit.surface.jet(folds, 0)[0], fit.points)
-    size = f"{tell_length(cut, 2)}, {tell_share(cut / margin.area)} of the blade, in {tell_count(number, 'place')}"
+    if not len(beside) or left.area < LEAST_LEFT * margin.area:
+        return margin, ()
+    cut, largest_fold = margin.area - left.area, max(beside, key=shapely.area)
+    at = tell_middle(fit.surface.jet(folds[in_polygon(largest_fold, folds)], 0)[0], fit.points)
+    size = f"{tell_length(cut, 2)}, {tell_share(cut / margin.area)} of the blade, in {tell_count(len(beside), 'place')}"
     said = f"left out: {size}, most about {at}: the surface is folded there between points of the scan"
     return cut_margin(margin, left), (said,)
 

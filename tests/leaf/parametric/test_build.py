@@ -10,7 +10,7 @@ from scipy.spatial import Delaunay, cKDTree
 import o3dleaf as o3l
 import tolerances as tol
 from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.core.mesh_arrays import triangle_areas
+from o3dleaf.core.mesh_arrays import mesh_arrays, triangle_areas
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.outline_area import places_inside
 from o3dleaf.leaf.chart import petiole as petiole_module
@@ -245,6 +245,36 @@ def test_the_base_of_a_blade_is_the_end_of_a_petiole_that_is_kept(monkeypatch):
     base, tip = leaf.lift(np.reshape(leaf.outline.bounds, (2, 2)) * [1, 0])
     start = blade.lift([[0.0, 0.0, 0.0]])[0]
     assert np.linalg.norm(start - base) < np.linalg.norm(start - tip) / 2
+
+
+@pytest.mark.parametrize("smoothing", ["robust", 1e-3])
+def test_folds_are_left_out_and_told_but_not_where_a_smoothing_was_asked_for(monkeypatch, smoothing):
+    """Of noise that is followed all of a blade is folded."""
+    asked = []
+
+    def told(fit, margin):
+        asked.append(fit)
+        return margin, ("folded",)
+
+    monkeypatch.setattr(build, "without_folds", told)
+    scan = o3l.samples.scan_leaf(o3l.samples.leaf_shape("twisted"), spacing=1.6, noise=0.5, seed=2)
+    blade = build.build_parametric_blade(scan.points, None, "mm", BladeOptions(smoothing=smoothing))
+    assert len(asked) == (smoothing == "robust")
+    assert ("folded" in blade.notes) == (smoothing == "robust")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [None, 1, 2])
+def test_a_crumpled_leaf_keeps_its_lobes_in_any_order_of_its_points_and_crosses_nowhere(real_scan, order):
+    """More smoothing until no fold is left loses one in seven of the soybean's points and a sixth of its area."""
+    points = np.asarray(o3l.read_point_cloud(real_scan("leaves/soybean_with_normals.ply")).points)
+    points = points if order is None else np.random.default_rng(order).permutation(points)
+    blade = o3l.create_blade(points, unit="mm")
+    spacing = np.median(cKDTree(points).query(points, 2)[0][:, 1])
+    mesh = blade.extract_mesh(spacing)
+    assert np.mean(distance_to_mesh(*mesh_arrays(mesh), points) <= 2 * spacing) > 0.9
+    assert o3l.mesh_report(mesh).self_intersections == 0
+    assert any("left out" in note and "folded" in note for note in blade.notes)
 
 
 def test_a_petiole_that_was_cut_off_does_not_lie_beside_the_blade():

@@ -18,7 +18,7 @@ from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 from o3dleaf.leaf.chart.flattening.untangle import untangle
 from o3dleaf.leaf.margin.margin import Margin
-from o3dleaf.leaf.parametric import fitted, surface_fit
+from o3dleaf.leaf.parametric import fitted, surface_fit, tight_bends
 from o3dleaf.leaf.parametric.fitted import ChartMesh
 from o3dleaf.leaf.parametric.local_smoothing import choose_by_place
 from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface
@@ -312,6 +312,8 @@ def test_no_blade_is_where_its_surface_is_folded_and_all_of_it_where_it_is_not(s
     assert in_polygon(left.polygon, kept).mean() > 0.99
     cut = float(re.search(r"left out: ([\d.]+),", said)[1])
     assert cut == pytest.approx(whole.area - left.area, rel=tol.THREE_DIGITS)
+    monkeypatch.setattr(tight_bends, "LEAST_LEFT", 1.0)
+    assert without_folds(folded, whole) == (whole, ())
 
 
 def test_the_surface_that_is_kept_has_the_fewest_points_beside_folds_or_far_from_it(scan, monkeypatch):
