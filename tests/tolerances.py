@@ -1148,6 +1148,10 @@ EDGE_RMS_NOISY = 0.33
 """The same with noise of half a spacing, which is to be found, too: found 0.30, 0.27 were it known; with the least
 bandwidth alone 0.37."""
 
+SOFTER_BY_CHANCE = 0.2
+"""Of twice the logarithm of a ratio of likelihoods, relative, over 3,000 spacings of edges: found 0.06, and chance is
+0.085; with a third of the parameters 2.1."""
+
 FOLDS_LEFT = 0.02
 """Share of the places where a surface is folded that are left, a tenth of a spacing apart: found 0."""
 

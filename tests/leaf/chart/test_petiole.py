@@ -9,10 +9,11 @@ import shapely.affinity
 from o3dleaf import samples
 from o3dleaf.leaf.chart import petiole as petiole_module
 from o3dleaf.leaf.chart.petiole import find_petiole
+from o3dleaf.leaf.chart.stalk.junction import Junction
 from o3dleaf.leaf.chart.stalk.lobes import COMMON
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
 from o3dleaf.leaf.chart.stalk.sections import Sections, sections_along
-from o3dleaf.leaf.chart.stalk.stretches import find_stretches
+from o3dleaf.leaf.chart.stalk.stretches import StalkStretch, find_stretches
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from tests import planar_leaves
 from tests import tolerances as tol
@@ -211,6 +212,28 @@ def test_few_points_that_lie_wide_part_no_stalk_and_many_do():
     assert few.last == 43
     assert many.last == 20
     assert whole == few
+
+
+def test_a_stalk_that_goes_on_past_wider_sections_tapers_less_than_one_before_them():
+    """Its outer third is 0.58 as wide as the inner: a tip that has begun to widen."""
+    width = np.repeat([1.4, 6.0, 2.4, 20.0], [20, 5, 20, 90])
+    found = [*find_stretches(Sections(1.0, width, width, np.cumsum(width), np.full(len(width), 40.0)))]
+    assert [each.last for each in found] == [20]
+
+
+def test_what_is_told_of_a_stalk_is_told_of_a_longer_one_too(monkeypatch):
+    """Of the tip of a narrow leaf too few points are not; a stalk without a junction is."""
+    rng = np.random.default_rng(0)
+    leaf = petiole_module._Leaf(rng.uniform(0, [200, 10, 0.1], (2000, 3)), 0.0)
+    distance = leaf.ways.points[:, 0]
+    stalks = [StalkStretch(0.0, 20.0, 9.0, True), StalkStretch(0.0, 40.0, 9.0, True)]
+    junctions = iter([None, Junction(np.zeros(3), np.array([1.0, 0, 0]), 0.1)])
+    monkeypatch.setattr(petiole_module, "find_stretches", lambda _: stalks)
+    monkeypatch.setattr(petiole_module, "find_junction", lambda *_: next(junctions))
+    stalk = petiole_module._stalk_from(leaf, distance)
+    assert stalk.stretch == stalks[1]
+    assert stalk.junction is None
+    assert stalk.is_told
 
 
 @pytest.mark.few(seed=1)

@@ -7,7 +7,8 @@ from scipy.spatial import cKDTree
 from scipy.special import ive
 
 import planar_leaves as leaves
-from o3dleaf.leaf.margin.edge.edge_fit import fit_edge, most_likely, moved_along, moved_apart
+from o3dleaf.leaf.margin.edge import edge_fit
+from o3dleaf.leaf.margin.edge.edge_fit import fit_edge, most_likely, moved_along, moved_apart, softened
 from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample, edge_frame
 from o3dleaf.leaf.margin.edge.edge_score import blurred, score
 from o3dleaf.leaf.margin.margin import Margin
@@ -24,6 +25,7 @@ from tolerances import (
     FITTED_EDGE,
     FOUND_EDGE,
     PART_OF_THE_WAY,
+    SOFTER_BY_CHANCE,
     TIP_FLANKS,
     TIP_LENGTH,
 )
@@ -93,6 +95,36 @@ def test_a_softer_edge_bends_to_its_points_by_as_much_more_as_is_said(noise):
         found.append(np.mean(soft - stiff))
     expected = seen.fitted[0] * (1 / wide[1] - 1 / wide[0])
     assert np.mean(found) == pytest.approx(expected, abs=FITTED_EDGE)
+
+
+def test_of_a_smooth_edge_a_softer_curve_is_as_much_more_likely_as_its_parameters_say(monkeypatch):
+    """Twice the logarithm of the ratio is their number in the mean (Wilks 1938)."""
+    sums = []
+
+    def noted(twice, free, _):
+        sums.append([twice.sum(), free.sum()])
+        return np.zeros(len(twice), dtype=bool)
+
+    monkeypatch.setattr(edge_fit, "find_discoveries", noted)
+    for seed in range(8):
+        sample = edge_of_disc(60.0, 0.0, seed)
+        frame = edge_frame(circle(60.0), NO_TIPS, sample)
+        seen, first = sample.seen(frame.spacing), np.full(len(frame.curve), edge_fit.FIRST)
+        moved = most_likely(frame, seen.blur, seen.information * first**6, 0 * first)
+        softened(frame, seen, moved, first)
+    twice, free = np.sum(sums, axis=0)
+    assert twice == pytest.approx(free, rel=SOFTER_BY_CHANCE)
+
+
+def test_only_the_softest_parts_of_a_curve_become_softer(monkeypatch):
+    monkeypatch.setattr(edge_fit, "find_discoveries", lambda twice, *_: np.ones(len(twice), dtype=bool))
+    sample = edge_of_disc(60.0, 0.0, 0)
+    frame = edge_frame(circle(60.0), NO_TIPS, sample)
+    seen, bandwidth = sample.seen(frame.spacing), np.full(len(frame.curve), edge_fit.FIRST)
+    bandwidth[::2] *= edge_fit.WIDEN
+    narrower = softened(frame, seen, 0 * bandwidth, bandwidth)[1]
+    assert (narrower[::2] == bandwidth[::2]).all()
+    np.testing.assert_allclose(narrower[1::2], edge_fit.FIRST / edge_fit.WIDEN**edge_fit.SOFTER)
 
 
 def test_an_edge_that_goes_a_part_of_the_way_ends_where_it_would_in_the_mean():

@@ -316,21 +316,29 @@ def test_no_blade_is_where_its_surface_is_folded_and_all_of_it_where_it_is_not(s
     assert without_folds(folded, whole) == (whole, ())
 
 
-def test_the_surface_that_is_kept_has_the_fewest_points_beside_folds_or_far_from_it(scan, monkeypatch):
-    """More smoothing leaves no fold, and lets go of points: of the fits that were tried none has fewer of both."""
+@pytest.mark.parametrize("growing", [True, False])
+def test_the_surface_that_is_kept_has_the_fewest_points_beside_folds_or_lost(scan, monkeypatch, growing):
+    """The least folded one is the last, with the most smoothing."""
     points, _ = rough_scan(scan, monkeypatch)
-    settled, costs = surface_fit._settle, []
+    smoothings = []
 
-    def noted(*arguments):
-        found = settled(*arguments)
-        costs.append(found.cost)
-        return found
+    def cost(settled):
+        smoothings.append(settled.problem.weights)
+        return 1000 + len(smoothings) if growing else 1000 - len(smoothings)
 
-    monkeypatch.setattr(surface_fit, "_settle", noted)
+    monkeypatch.setattr(surface_fit._Settled, "cost", property(cost))
     fit = fit_chart_surface(points, strip())
-    assert len(costs) > 1
-    again = surface_fit._Settled(fit.problem, fit.surface, fit.mesh, fit.near)
-    assert again.cost == min(costs)
+    assert ("smoothing kept" in fit.notes[0]) == growing
+    assert ("folds are left" in fit.notes[0]) == growing
+
+
+def test_points_beside_folds_and_crossings_and_lost_ones_are_counted_once(fit):
+    """Of the smooth surface none, and half of the points where they lie far off it."""
+    settled = surface_fit._Settled(fit.problem, fit.surface, fit.mesh, fit.near)
+    assert settled.cost == 0
+    away = np.where(np.arange(len(fit.near)) % 2, 2 * fit.problem.spacing, 0)[:, np.newaxis]
+    far = fit.problem.sites + away * fit.surface.normals(fit.near)
+    assert replace(settled, problem=replace(fit.problem, sites=far)).cost == len(far) // 2
 
 
 @pytest.mark.slow
