@@ -215,10 +215,10 @@ def test_few_points_that_lie_wide_part_no_stalk_and_many_do():
 
 
 def test_a_stalk_that_goes_on_past_wider_sections_tapers_less_than_one_before_them():
-    """Its outer third is 0.58 as wide as the inner: a tip that has begun to widen."""
-    width = np.repeat([1.4, 6.0, 2.4, 20.0], [20, 5, 20, 90])
+    """Its outer third is 0.69 times as wide as the inner: a tip that has begun to widen."""
+    width = np.repeat([1.8, 5.1, 2.6, 20.0], [40, 1, 40, 90])
     found = [*find_stretches(Sections(1.0, width, width, np.cumsum(width), np.full(len(width), 40.0)))]
-    assert [each.last for each in found] == [20]
+    assert [each.last for each in found] == [40]
 
 
 def test_what_is_told_of_a_stalk_is_told_of_a_longer_one_too(monkeypatch):
